@@ -184,7 +184,7 @@ def first_pass(
     """
     kept = None if cache is None else GridCache(folder=Path(cache).absolute())
     detect_one = partial(detect_in_photo, target=targets[0], cache=kept)
-    found = work.done(detect_one, _reachable(photos, work))
+    found = work.done(detect_one, _make_paths_absolute(photos, work))
     named: list[Detection] = []
     for number, target in enumerate(targets, start=1):
         try:
@@ -232,7 +232,7 @@ def _name_corners(
         DetectionError: no corner could be named in any photo; the text says what to check.
 
     """
-    size = _common_size(found)
+    size = _find_common_size(found)
     if size is None:
         raise _make_error(_explain_nothing_read(found))
     with_boards = [_is_showing_boards(one) for one in found]

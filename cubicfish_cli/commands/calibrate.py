@@ -381,7 +381,7 @@ def command(made: CalibratedFiles, given: CalibrateOptions, how: How) -> None:
     for path in made.removed:
         print_message(f"removed {path}, which was of an earlier calibration")
     _report_missing_page(made.files, wanted=given.report)
-    figures.hold_gate(fitted.fit.rms_px, how.max_rms)
+    figures.enforce_max_rms(fitted.fit.rms_px, how.max_rms)
 
 
 def _report_missing_page(files: Mapping[str, Path], *, wanted: bool) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from cubicfish_cli.app.paths import in_folder, path_or_none
 from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.figures import hold_gate, print_figure, print_spread, px
+from cubicfish_cli.app.terminal.figures import enforce_max_rms, print_figure, print_spread, px
 from cubicfish_cli.app.terminal.parameters import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_table, result
@@ -125,7 +125,7 @@ def command(made: ComparedFiles, given: CompareOptions, how: How) -> None:
         _print(made.comparison)
         if made.picture is not None:
             result(f"\nwrote {made.picture}")
-    hold_gate(made.comparison.statistics.rms_px, how.max_rms)
+    enforce_max_rms(made.comparison.statistics.rms_px, how.max_rms)
 
 
 def _print(comparison: Comparison) -> None:

@@ -153,7 +153,7 @@ def command(made: EvaluatedFiles, given: EvaluateOptions, how: How) -> None:
     report_unplaced(evaluation.unplaced)
     if not how.print(made):
         _print(made)
-    figures.hold_gate(evaluation.errors.rms_px, how.max_rms)
+    figures.enforce_max_rms(evaluation.errors.rms_px, how.max_rms)
 
 
 def report_unplaced(photos: Sequence[str], of: str = "") -> None:

@@ -73,7 +73,7 @@ class PlaneViews(Views):
         run.listener.tell(Event.WITHOUT_POSE, photos=len(missing))
         photos = [Photo(name=source.name, path=source) for source in missing]
         found = first_pass(photos, [self._target], run.work("Finding corners"))
-        self._poses |= _poses_of(FitRecord(per_image=evaluate(camera, found.corners).photos))
+        self._poses |= _read_poses(FitRecord(per_image=evaluate(camera, found.corners).photos))
 
     def chosen(self, source: Path, size: Size) -> ChosenView:
         """Return the board's plane in this photo."""

@@ -144,12 +144,12 @@ def test_small_files_that_claim_much_take_no_memory(tmp_path):
         (tmp_path / name).write_bytes(data)
     environment = {**os.environ}
     environment.pop("OPENCV_IO_MAX_IMAGE_PIXELS", None)
-    told = subprocess.run(
+    reported = subprocess.run(
         [sys.executable, "-c", READ_ALL, tmp_path],
         check=True, capture_output=True, text=True, env=environment,
     ).stdout.splitlines()  # fmt: skip
     refused = dict(line.rsplit(" ", 1) if "damaged" in line else line.split(" ", 1)
-                   for line in told)  # fmt: skip
+                   for line in reported)  # fmt: skip
     assert int(refused.pop("MB")) < 100
     assert refused.keys() == files.keys()
     assert refused["bmp-else-whole"] == refused["ppm-else-whole"] == "too large"

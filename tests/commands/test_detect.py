@@ -68,9 +68,16 @@ def test_json_has_a_row_for_every_photo(detected: Path) -> None:
     assert set(first["boards"]) == {"floor", "left", "right"}
     assert first["problem"] is None
     assert (black["image"], black["corners"], black["boards"]) == ("black.png", 0, [])
-    (told,) = black["findings"]
-    assert (told["code"], told["severity"], told["remedy"]) == ("too_dark", "care", "take_again")
-    assert (told["images"], told["what"] + "; " + told["do"]) == (["black.png"], black["problem"])
+    (reported,) = black["findings"]
+    assert (reported["code"], reported["severity"], reported["remedy"]) == (
+        "too_dark",
+        "care",
+        "take_again",
+    )
+    assert (reported["images"], reported["what"] + "; " + reported["do"]) == (
+        ["black.png"],
+        black["problem"],
+    )
     said = (detected / "stderr").read_text()
     assert "Looking for corners in 3 photos." in said
     assert f"black.png: {black['problem']}" in said

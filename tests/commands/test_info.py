@@ -81,9 +81,13 @@ def test_a_photo_shows_its_edges_also_where_the_camera_is_not_calibrated(
     line = ("undistort", tmp_path / "p.png", tmp_path / "f.png", "-m", tmp_path)
     assert "% of the photo is left out" in run(*line).stderr
     turned = ViewOptions(rotate_deg=(5, 0, 0))
-    for given, told in ((ViewOptions(), True), (ViewOptions(hfov_deg=30), False), (turned, False)):
+    for given, reported in (
+        (ViewOptions(), True),
+        (ViewOptions(hfov_deg=30), False),
+        (turned, False),
+    ):
         remarks = " ".join(chosen_view(camera, given).remarks())
-        assert ("lies beyond the picture's edges" in remarks) == told
+        assert ("lies beyond the picture's edges" in remarks) == reported
 
 
 @pytest.mark.parametrize(

@@ -116,8 +116,8 @@ def test_the_page_has_every_variable_that_is_read(made: ModuleType) -> None:
     read = set(re.findall(r"environ(?:\.get\(|\.setdefault\(|\[)\s*\"(\w+)\"", sources))
     read |= set(re.findall(r"\"(\w+)\" in os\.environ", sources))
     assert {"CUBICFISH_CACHE", "SOURCE_DATE_EPOCH"} <= read
-    told = sections(made.page())["Environment"]
-    assert {variable for variable in read if f"`{variable}`" not in told} == set()
+    reported = sections(made.page())["Environment"]
+    assert {variable for variable in read if f"`{variable}`" not in reported} == set()
 
 
 @pytest.mark.parametrize(("words", "command"), TREE, ids=name)

@@ -95,14 +95,14 @@ def test_an_object_that_is_not_mirrored_is_reported_to_be_so():
 
 
 @pytest.mark.parametrize(
-    ("said", "mirrored", "shown", "told"),
+    ("said", "mirrored", "shown", "reported"),
     [
         ("dark", False, "light", "write first_square: light"),
         ("light", False, "dark", "write first_square: dark"),
         ("dark", True, "dark", "write first_square: light"),
     ],
 )
-def test_the_note_about_colours_says_what_to_write(tmp_path, said, mirrored, shown, told):
+def test_the_note_about_colours_says_what_to_write(tmp_path, said, mirrored, shown, reported):
     """A photo that is not mirrored: of a board of 7x5 corners, straight on."""
     first = 0 if shown == "dark" else 1
     squares = ((np.add(*np.indices((6, 8))) + first) % 2 * 200 + 30).astype(np.uint8)
@@ -117,7 +117,7 @@ def test_the_note_about_colours_says_what_to_write(tmp_path, said, mirrored, sho
     assert len(detection.corners.pixel) == 35
     (finding,) = detection.findings
     assert finding.severity == "note"
-    assert finding.do.startswith(told)
+    assert finding.do.startswith(reported)
     assert ("take mirrored: true out" in finding.do) == mirrored
     assert f"first_square is not {said}" in finding.what
 

@@ -80,11 +80,11 @@ def test_the_figures_beside_other_tools_are_the_recorded_ones() -> None:
     def shown(start: str) -> list[list[float]]:
         line = next(one for one in TEXT.splitlines() if one.startswith(f"| {start} |"))
         cells = [cell.split(" · ") for cell in line.split(" | ")[1:4]]
-        told = [[float(one.strip("*s ")) for one in cell] for cell in cells]
-        for column, place in enumerate(zip(*told, strict=True)):
+        reported = [[float(one.strip("*s ")) for one in cell] for cell in cells]
+        for column, place in enumerate(zip(*reported, strict=True)):
             bold = [cell[column].startswith("**") for cell in cells]
             assert bold == [one == min(place) for one in place]
-        return told
+        return reported
 
     rows = ["214° fisheye, 26 photos", "VGA fisheye, 20 photos", "GoPro in the dark, 24 photos"]
     for camera, start in enumerate(rows):
@@ -97,8 +97,8 @@ def test_the_figures_beside_other_tools_are_the_recorded_ones() -> None:
     seconds = [known[points][0][2], *(best(tool, 0)[2] for tool in others)]
     assert np.ravel(shown("time of a fit of 26 photos")) == pytest.approx(seconds, rel=0.05)
     for name, (first, *_) in known.items():
-        told = f"| {name} | {first[0]:.4f} | {first[1]:.4f} | {first[2]:.2f} |"
-        assert told in ALL[ROOT / "docs" / "model.md"]
+        reported = f"| {name} | {first[0]:.4f} | {first[1]:.4f} | {first[2]:.2f} |"
+        assert reported in ALL[ROOT / "docs" / "model.md"]
 
 
 def test_every_command_is_shown_on_some_page() -> None:

@@ -27,12 +27,12 @@ def pins(lines: list[str]) -> dict[str, str]:
 
 
 def test_versions_are_one() -> None:
-    told = {
+    reported = {
         "pyproject.toml": PROJECT["version"],
         "CITATION.cff": yaml.safe_load(text("CITATION.cff"))["version"],
         "recipe/recipe.yaml": yaml.safe_load(text("recipe/recipe.yaml"))["context"]["version"],
     }
-    assert set(told.values()) == {cubicfish_cli.__version__}, told
+    assert set(reported.values()) == {cubicfish_cli.__version__}, reported
 
 
 def test_the_recipe_asks_for_the_same_libraries() -> None:

@@ -89,7 +89,7 @@ def mark_of(finding: Finding) -> str:
     return "note" if finding.severity.value == "note" else "warning"
 
 
-def hold_gate(rms_px: float, max_rms: float | None) -> None:
+def enforce_max_rms(rms_px: float, max_rms: float | None) -> None:
     """Exit with 3 when the RMS is above the gate that the user set."""
     if max_rms is not None and not rms_px <= max_rms:
         print_always(f"The RMS of {rms_px:.3f} px is above --max-rms {max_rms:g}.")

@@ -64,7 +64,7 @@ class LeaveOneOut:
             normal = self._subtract(group)
             yield from self._refit(group, *_resolve(normal, normal.eliminated(_DAMPING), change))
 
-    def held_as(self, lenses: Sequence[FitLens]) -> FloatArray:
+    def steps_under(self, lenses: Sequence[FitLens]) -> FloatArray:
         """Steps (H, K) of the shared unknowns under other lenses' priors, no photo left out."""
         change = np.array([lens.prior() for lens in lenses]) - self._fit.lens.prior()
         return _resolve(self._fit.normal, self._equations_of_all, change)[0].T

@@ -147,7 +147,7 @@ def photo_spread(
     rays = cone_rays(reference.covered, _RAYS)
     others = [np.sqrt(likely) * _measure_step(fit.lens, lens, rays) for lens, likely in doubted]
     if fit.runners_up:
-        steps = leave_one_out.held_as(
+        steps = leave_one_out.steps_under(
             [with_prior(fit.lens, reference, prior, fit.errors) for prior in fit.runners_up]
         )
         others += list(np.sqrt([*fit.runners_up.values()])[:, None] * steps[:, :count])

@@ -159,11 +159,11 @@ def frames_of(
         CubicfishError: a film cannot be used.
 
     """
-    target = replace(target, told=False)  # it is told where corners are found
+    target = replace(target, by_default=False)  # the listener hears it where corners are found
     options = FramesOptions(films=films, folder=folder, target=target, most=best or MOST)
     chosen = choose_frames(options, run=run)
-    told = {"chosen": len(chosen.photos), "frames": chosen.frames, "folder": folder}
-    run.listener.tell(Event.FRAMES_CHOSEN, **told, ended=chosen.ended)
+    figures = {"chosen": len(chosen.photos), "frames": chosen.frames, "folder": folder}
+    run.listener.tell(Event.FRAMES_CHOSEN, **figures, ended=chosen.ended)
     return chosen.photos, chosen.ended
 
 

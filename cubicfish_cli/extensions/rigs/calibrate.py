@@ -16,7 +16,7 @@ from cubicfish_cli.app.paths import in_folder, paths_of
 from cubicfish_cli.app.run import RUN, Run, made_at, made_by_record
 from cubicfish_cli.app.target_source import TargetSource
 from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.figures import hold_gate, mark_of
+from cubicfish_cli.app.terminal.figures import enforce_max_rms, mark_of
 from cubicfish_cli.app.terminal.parameters import (
     FILE,
     SECONDS,
@@ -324,4 +324,4 @@ def command(made: RigFiles, given: RigOptions, how: How) -> None:
         print_rig(made.rig)
         result()
         print_wrote(made.files)
-    hold_gate(made.rig.fit.rms_px, how.max_rms)
+    enforce_max_rms(made.rig.fit.rms_px, how.max_rms)

@@ -11,7 +11,7 @@ from cubicfish_cli.app.paths import paths_of
 from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.target_source import TargetSource
 from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.figures import hold_gate
+from cubicfish_cli.app.terminal.figures import enforce_max_rms
 from cubicfish_cli.app.terminal.parameters import as_command, record, target_options
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_json, print_message
@@ -113,4 +113,4 @@ def command(evaluation: RigEvaluation, given: RigEvaluateOptions, how: How) -> N
         print_json({"model": str(given.rig), **evaluation.as_record()})
     else:
         print_evaluation(evaluation)
-    hold_gate(evaluation.rms_px, how.max_rms)
+    enforce_max_rms(evaluation.rms_px, how.max_rms)

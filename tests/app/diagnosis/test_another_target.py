@@ -92,8 +92,8 @@ def test_a_lone_board_that_is_off_by_more_than_a_line_is_another_one(size, wrong
 def test_few_names_among_grids_that_are_too_large():
     large, small = report((14, 12), Decided.TOO_LARGE), report((5, 3), Decided.NAMED)
     photos = [(large, small)] * 4
-    (told,) = another_target(grid_evidence(identified(*photos), corner_of_three()))
-    assert told.figures["seen"] == "14x12 (in 4) and 5x3 (in 4)"
+    (reported,) = another_target(grid_evidence(identified(*photos), corner_of_three()))
+    assert reported.figures["seen"] == "14x12 (in 4) and 5x3 (in 4)"
 
 
 def test_the_boards_of_another_target_are_reported_beside_a_lone_one():
@@ -102,8 +102,8 @@ def test_the_boards_of_another_target_are_reported_beside_a_lone_one():
     verdicts = {(5, 4): Decided.NAMED}
     photos = [tuple(report(s, verdicts.get(s, Decided.TOO_LARGE)) for s in own) for own in sizes]
     small = Target(units="mm", boards=(checkerboard("board", 5, 4, 30.0),))
-    (told,) = another_target(grid_evidence(identified(*photos, photos[1]), small, counts=[]))
-    assert told.what == (
+    (reported,) = another_target(grid_evidence(identified(*photos, photos[1]), small, counts=[]))
+    assert reported.what == (
         "4 photos show grids of 9x6 (in 4) and 8x7 (in 2) inner corners, but the target has one "
         "board of another size (board 5x4)"
     )

@@ -500,7 +500,7 @@ CENTRE = np.array([500.0, 350.0])
     ],
 )
 def test_how_a_lens_differs_is_named(exact, ratio, shift, cause, words):
-    told = [
+    reported = [
         lens_change(
             ratio,
             np.array(shift, float),
@@ -514,13 +514,13 @@ def test_how_a_lens_differs_is_named(exact, ratio, shift, cause, words):
         )
         for in_order in (True, False)
     ]
-    assert [one.code for one in told] == [cause] * 2
-    assert all(words in one.what for one in told)
-    assert "from a.png on" in told[0].what
-    assert "in a.png and b.png, compared with c.png and d.png" in told[1].what
-    assert ("bumped or moved" in told[0].what) == (cause == "shifted")
+    assert [one.code for one in reported] == [cause] * 2
+    assert all(words in one.what for one in reported)
+    assert "from a.png on" in reported[0].what
+    assert "in a.png and b.png, compared with c.png and d.png" in reported[1].what
+    assert ("bumped or moved" in reported[0].what) == (cause == "shifted")
     # Two cameras of one make differ like this too, and their photos come one after the other.
-    assert cause in ("turned", "scaled") or all("camera" in one.what for one in told)
+    assert cause in ("turned", "scaled") or all("camera" in one.what for one in reported)
 
 
 def test_photos_that_were_left_out_show_their_own_lens(pairs):
@@ -763,8 +763,8 @@ def test_what_a_photo_cannot_tell_from_its_pose_makes_it_no_odd_one(seed):
 @pytest.mark.parametrize(("odd", "severity"), [([2], "note"), ([2, 5], "care")])
 def test_one_odd_photo_is_no_reason_to_doubt_a_camera(fitted, monkeypatch, odd, severity):
     fit = SimpleNamespace(reference=SimpleNamespace(pairs=fitted.pairs))
-    told = [Unlike(photo=photo, chance=1e-9, share=0.6, gain_px=0.4 + photo) for photo in odd]
-    for name, answer in (("unlike", told), ("lenses_of", None), ("_refit_without", None)):
+    reported = [Unlike(photo=photo, chance=1e-9, share=0.6, gain_px=0.4 + photo) for photo in odd]
+    for name, answer in (("unlike", reported), ("lenses_of", None), ("_refit_without", None)):
         monkeypatch.setattr(photo_lenses, name, lambda *_, answer=answer: answer)
     monkeypatch.setattr(photo_lenses, "_can_do_without", lambda *_: True)
     (found,) = photo_lenses.odd_photos(SimpleNamespace(fit=fit))
@@ -931,7 +931,7 @@ def test_corners_under_another_boards_name():
         ),
     ],
 )
-def test_photos_with_the_same_fault_are_reported_together(changed, cause, of_photos, of_drawing):
+def test_photos_with_the_same_fault_are_reported_together(changed, cause, of_photos, of_nominal):
     fault = board_fault(LENS, one_photo(changed), TARGET, 1.0, 0.1)
     other = board_fault(
         LENS, one_photo(lambda c: {"column": c.column + (c.board == 0)}), TARGET, 1.0, 0.1
@@ -949,7 +949,7 @@ def test_photos_with_the_same_fault_are_reported_together(changed, cause, of_pho
     assert "1 column too far" in single.what
     found, single = board_findings([*faults, other], is_usual)
     assert options == [(*fault.boards, 3), ("floor", 1)]
-    assert of_drawing in found.what
+    assert of_nominal in found.what
     assert (found.severity, found.code, found.boards) == ("care", cause, fault.boards)
     assert single.severity == "note"
 

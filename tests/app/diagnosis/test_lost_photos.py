@@ -33,10 +33,10 @@ def lost_of(verdicts, sizes, target):
 
 
 @pytest.mark.parametrize("verdict", list(CODES)[1:])
-@pytest.mark.parametrize(("count", "told"), [(3, False), (4, True)])
-def test_more_than_a_third_of_the_photos_are_reported(verdict, count, told):
+@pytest.mark.parametrize(("count", "reported"), [(3, False), (4, True)])
+def test_more_than_a_third_of_the_photos_are_reported(verdict, count, reported):
     found = lost_of([verdict] * count + [None] * (9 - count), [(6, 4)] * 9, LARGE)
-    assert len(found) == told
+    assert len(found) == reported
     for one in found:
         assert (one.code, one.case, one.severity) == (CODES[verdict], "many", Severity.CARE)
         assert one.images == ("0.png", "1.png", "2.png", "3.png")
@@ -55,9 +55,9 @@ def test_one_of_two_photos_may_be_another_boards():
 
 def test_of_a_board_that_is_larger_the_sizes_are_reported():
     sizes = [(11, 8), (8, 11), (11, 8), (14, 12), (9, 7)]
-    (told,) = lost_of([Decided.TOO_LARGE] * 4 + [None], sizes, ONE)
-    assert (told.code, told.remedy) == (Code.TOO_LARGE, Remedy.CORRECT_TARGET)
-    assert "of 11x8 (in 3) inner corners" in told.what
+    (reported,) = lost_of([Decided.TOO_LARGE] * 4 + [None], sizes, ONE)
+    assert (reported.code, reported.remedy) == (Code.TOO_LARGE, Remedy.CORRECT_TARGET)
+    assert "of 11x8 (in 3) inner corners" in reported.what
 
 
 def test_the_largest_grid_says_why_a_photo_is_lost():

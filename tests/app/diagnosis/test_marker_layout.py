@@ -95,27 +95,35 @@ def evidence(photos, target):
 )
 def test_the_markers_tell_how_long_their_rows_are(drawn):
     pictures = photos("charuco", (4, 6))
-    (told,) = find_faults(evidence(pictures, drawing("charuco", drawn)))
-    assert (told.code, told.severity, told.case) == (Code.CORNER_COUNT, Severity.BAD, "markers")
-    assert (told.figures["columns"], told.figures["rows"]) == (4, 6)
-    assert told.figures["first_square"] == "dark"
+    (reported,) = find_faults(evidence(pictures, drawing("charuco", drawn)))
+    assert (reported.code, reported.severity, reported.case) == (
+        Code.CORNER_COUNT,
+        Severity.BAD,
+        "markers",
+    )
+    assert (reported.figures["columns"], reported.figures["rows"]) == (4, 6)
+    assert reported.figures["first_square"] == "dark"
 
 
 @pytest.mark.slow
 def test_the_older_layout_is_named_where_rows_are_of_an_even_number_of_squares():
     pictures = photos("charuco", (5, 4), "light")
-    (told,) = find_faults(evidence(pictures, drawing("charuco", (5, 4))))
-    assert (told.code, told.case) == (Code.CORNER_COUNT, "markers")
-    assert (told.figures["columns"], told.figures["rows"]) == (5, 4)
-    assert told.figures["first_square"] == "light"
+    (reported,) = find_faults(evidence(pictures, drawing("charuco", (5, 4))))
+    assert (reported.code, reported.case) == (Code.CORNER_COUNT, "markers")
+    assert (reported.figures["columns"], reported.figures["rows"]) == (5, 4)
+    assert reported.figures["first_square"] == "light"
 
 
 @pytest.mark.slow
 def test_tags_tell_it_too():
     pictures = photos("aprilgrid", (4, 3))
-    (told,) = find_faults(evidence(pictures, drawing("aprilgrid", (3, 4))))
-    assert (told.code, told.severity, told.case) == (Code.CORNER_COUNT, Severity.BAD, "tags")
-    assert (told.figures["columns"], told.figures["rows"]) == (4, 3)
+    (reported,) = find_faults(evidence(pictures, drawing("aprilgrid", (3, 4))))
+    assert (reported.code, reported.severity, reported.case) == (
+        Code.CORNER_COUNT,
+        Severity.BAD,
+        "tags",
+    )
+    assert (reported.figures["columns"], reported.figures["rows"]) == (4, 3)
 
 
 @pytest.mark.slow
@@ -125,9 +133,13 @@ def test_a_few_wrong_names_in_one_photo_of_three_hide_nothing():
     right, wrong = (evidence(three, drawing("charuco", counts)) for counts in ((4, 6), (5, 7)))
     assert not len(wrong.corners.pixel)
     some = (right.corners.image == 0) & (right.corners.column < 2) & (right.corners.row < 3)
-    (told,) = find_faults(replace(wrong, corners=right.corners.select(some)))
-    assert (told.code, told.severity, told.case) == (Code.CORNER_COUNT, Severity.BAD, "markers")
-    assert (told.figures["columns"], told.figures["rows"]) == (4, 6)
+    (reported,) = find_faults(replace(wrong, corners=right.corners.select(some)))
+    assert (reported.code, reported.severity, reported.case) == (
+        Code.CORNER_COUNT,
+        Severity.BAD,
+        "markers",
+    )
+    assert (reported.figures["columns"], reported.figures["rows"]) == (4, 6)
 
 
 @pytest.mark.slow
@@ -143,10 +155,10 @@ def test_the_markers_that_photos_show_instead_are_named(other, seen):
     target = drawing("charuco", (4, 6))
     (board,) = target.boards
     drawn = target.with_boards({0: replace(board, markers=replace(board.markers, **other))})
-    (told,) = find_faults(evidence(photos("charuco", (4, 6)), drawn))
-    assert (told.code, told.case) == (Code.NO_MARKERS, "others")
-    assert (told.figures["first"], told.figures["last"]) == (0, 16)
-    assert told.figures["seen"] == seen
+    (reported,) = find_faults(evidence(photos("charuco", (4, 6)), drawn))
+    assert (reported.code, reported.case) == (Code.NO_MARKERS, "others")
+    assert (reported.figures["first"], reported.figures["last"]) == (0, 16)
+    assert reported.figures["seen"] == seen
 
 
 @pytest.mark.slow
@@ -156,8 +168,8 @@ def test_photos_without_any_markers_have_no_other_cause():
     middle = np.array([45.0, 75.0, 0.0])
     pose = look_at(middle + np.array([20.0, -10.0, -240.0]), middle, up=np.array([0.0, -1.0, 0.0]))
     picture = render(plain, LENS.unproject, pose, SIZE, noise=1.5, supersample=2)
-    (told,) = find_faults(evidence([(picture, find_grids(picture))], target))
-    assert (told.code, told.case) == (Code.NO_MARKERS, "all")
+    (reported,) = find_faults(evidence([(picture, find_grids(picture))], target))
+    assert (reported.code, reported.case) == (Code.NO_MARKERS, "all")
 
 
 @pytest.mark.parametrize(
@@ -167,10 +179,10 @@ def test_tags_tell_how_far_apart_they_are(spacing):
     target = drawing("aprilgrid", (4, 3))
     (board,) = target.boards
     drawn = target.with_boards({0: replace(board, spacing=spacing)})
-    (told,) = find_faults(evidence(photos("aprilgrid", (4, 3)), drawn))
-    assert (told.code, told.case) == (Code.BOARD_SQUARE, "spacing")
-    assert told.severity is Severity.BAD
-    assert told.figures["spacing"] == pytest.approx(0.3, abs=0.03)
+    (reported,) = find_faults(evidence(photos("aprilgrid", (4, 3)), drawn))
+    assert (reported.code, reported.case) == (Code.BOARD_SQUARE, "spacing")
+    assert reported.severity is Severity.BAD
+    assert reported.figures["spacing"] == pytest.approx(0.3, abs=0.03)
 
 
 @pytest.mark.parametrize(("kind", "counts"), [("charuco", (4, 6)), ("aprilgrid", (4, 3))])
@@ -185,8 +197,8 @@ def test_a_board_that_shows_too_little_is_not_blamed():
     """Its markers lie as the target says; what is missing are its corners."""
     seen = evidence(photos("charuco", (4, 6)), drawing("charuco", (4, 6)))
     none = seen.corners.select(np.zeros(len(seen.corners.pixel), bool))
-    (told,) = find_faults(replace(seen, corners=none))
-    assert told.code is Code.NO_MARKERS
+    (reported,) = find_faults(replace(seen, corners=none))
+    assert reported.code is Code.NO_MARKERS
 
 
 @pytest.mark.slow

@@ -38,7 +38,7 @@ def resized(target: Target, index: int, columns: int, rows: int) -> Target:
     return replace(target, boards=tuple(boards))
 
 
-def told(grids, target, size=IMAGE_SIZE):
+def reported(grids, target, size=IMAGE_SIZE):
     names = [f"{index}.png" for index in range(len(grids))]
     return grid_evidence(name_grids(grids, target, size, names), target).counts
 
@@ -73,19 +73,19 @@ def without_last(grids, lines):
 
 def test_a_board_that_is_as_drawn_has_no_other_count(grids):
     assert [len(own) for own in grids] == [1] * PHOTOS
-    assert told(grids, ONE, size=SMALL.image_size) == []
+    assert reported(grids, ONE, size=SMALL.image_size) == []
 
 
 @pytest.mark.parametrize("drawn", [(8, 5), (7, 6), (9, 7), (6, 7)])
 def test_a_lone_board_that_is_drawn_too_large(grids, drawn):
-    (count,) = told(grids, resized(ONE, 0, *drawn), SMALL.image_size)
+    (count,) = reported(grids, resized(ONE, 0, *drawn), SMALL.image_size)
     assert count.size == ((7, 5) if drawn[0] > drawn[1] else (5, 7))
     assert count.photos >= 2
 
 
 @pytest.mark.parametrize("drawn", [(6, 5), (7, 4)])
 def test_a_lone_board_that_is_drawn_too_small(grids, drawn):
-    assert told(grids, resized(ONE, 0, *drawn), size=SMALL.image_size) == [
+    assert reported(grids, resized(ONE, 0, *drawn), size=SMALL.image_size) == [
         Count(board=0, size=(7, 5), photos=PHOTOS)
     ]
 
@@ -93,7 +93,7 @@ def test_a_lone_board_that_is_drawn_too_small(grids, drawn):
 @pytest.mark.parametrize("lines", [(1, 1, 1, 0), (2, 1, 1, 2), (3, 2, 0, 1)])
 def test_lines_that_are_missed_here_and_there_are_no_end_of_the_board(grids, lines):
     """One photo has all of them, or not all photos have lost as many."""
-    assert told(without_last(grids, lines), ONE, SMALL.image_size) == []
+    assert reported(without_last(grids, lines), ONE, SMALL.image_size) == []
 
 
 def test_a_board_that_leaves_the_picture_has_no_end_there():
@@ -104,7 +104,7 @@ def test_a_board_that_leaves_the_picture_has_no_end_there():
     corners = synthetic_corners(ONE, cut, image_size=NARROW)
     grids = anonymous_photos(corners, ONE)[0]
     assert {tuple(sorted(np.ptp(own[0].cells, axis=0) + 1)) for own in grids} == {(5, 6)}
-    assert told(grids, ONE, NARROW) == []
+    assert reported(grids, ONE, NARROW) == []
 
 
 def at_the_rim(tilt):
@@ -128,12 +128,12 @@ def corner():
 
 
 def test_boards_that_are_as_drawn_have_no_other_counts(corner):
-    assert told(corner, THREE) == []
+    assert reported(corner, THREE) == []
 
 
 @pytest.mark.parametrize(("index", "drawn"), [(0, (8, 6)), (2, (7, 4))])
 def test_a_board_among_others_that_is_drawn_too_small(corner, index, drawn):
-    (count,) = told(corner, resized(THREE, index, *drawn))
+    (count,) = reported(corner, resized(THREE, index, *drawn))
     board = THREE.boards[index]
     assert (count.board, count.size) == (index, (board.columns, board.rows))
     assert count.photos >= 2
@@ -146,17 +146,17 @@ def test_a_board_that_is_drawn_too_small_at_its_start(corner):
     moved = replace(
         target.boards[0], origin=floor.origin + floor.square * floor.x_axis, first_square="light"
     )
-    (count,) = told(corner, replace(target, boards=(moved, *target.boards[1:])))
+    (count,) = reported(corner, replace(target, boards=(moved, *target.boards[1:])))
     assert (count.board, count.size) == (0, (9, 6))
 
 
 def test_a_board_among_others_that_is_drawn_too_large(corner):
-    (count,) = told(corner, resized(THREE, 0, 10, 6))
+    (count,) = reported(corner, resized(THREE, 0, 10, 6))
     assert (count.board, count.size) == (0, (9, 6))
 
 
 def test_one_photo_is_not_enough(corner):
-    assert told(corner[:1], resized(THREE, 0, 8, 6)) == []
+    assert reported(corner[:1], resized(THREE, 0, 8, 6)) == []
 
 
 # In words

@@ -26,7 +26,7 @@ def grids():
     return anonymous_photos(corners, TARGET)[0]
 
 
-def told(grids, target=TARGET):
+def reported(grids, target=TARGET):
     names = NAMES[: len(grids)]
     identified = name_grids(grids, target, IMAGE_SIZE, names)
     return next(iter(find_wrong_layout(grid_evidence(identified, target))), None)
@@ -70,7 +70,7 @@ def test_right_photos_of_a_right_drawing_are_not_named_again(grids, monkeypatch)
 
 @pytest.mark.slow
 def test_all_photos_mirrored(grids):
-    finding = told(mirrored(grids, range(5)))
+    finding = reported(mirrored(grids, range(5)))
     assert (finding.code, finding.severity, finding.images) == ("mirrored", "bad", ())
     assert finding.what == "all photos are mirrored"
     assert "and 100 % with that put right" in finding.evidence
@@ -79,7 +79,7 @@ def test_all_photos_mirrored(grids):
 @pytest.mark.slow
 @pytest.mark.parametrize("photos", [(2,), (0, 3)])
 def test_some_photos_mirrored_of_which_some_boards_have_a_place(grids, photos):
-    finding = told(mirrored(grids, photos))
+    finding = reported(mirrored(grids, photos))
     assert finding.code == "mirrored"
     assert finding.images == tuple(NAMES[photo] for photo in photos)
 
@@ -90,7 +90,7 @@ def test_a_photo_of_something_else_is_not_put_down_to_a_mirror(grids):
     tiles = Target(units="mm", boards=(checkerboard("tiles", 13, 4, 61.0),))
     poses = poses_around(tiles, 1, seed=1)
     other = anonymous_photos(synthetic_corners(tiles, poses, noise=0.1), tiles)[0]
-    assert told([*grids[:4], other[0]]) is None
+    assert reported([*grids[:4], other[0]]) is None
 
 
 @pytest.mark.slow
@@ -115,7 +115,7 @@ def test_a_photo_of_something_else_is_not_put_down_to_a_mirror(grids):
     ],
 )
 def test_one_board_drawn_wrongly_is_named(grids, target, cause, what):
-    finding = told(grids, target)
+    finding = reported(grids, target)
     assert finding.code == cause
     assert finding.what.startswith(what)
     assert finding.boards == (what[6:].partition(":")[0],)
@@ -136,7 +136,7 @@ def test_two_boards_places_exchanged(grids, few_trials):
         module._swap_place(one, two),
         module._swap_place(two, one),
     )
-    finding = told(grids[:3], replace(TARGET, boards=boards))
+    finding = reported(grids[:3], replace(TARGET, boards=boards))
     assert finding.code == "board_names"
     assert finding.boards == ("left", "right")
 
@@ -148,4 +148,4 @@ def test_what_nothing_simple_explains_is_left_alone(grids, few_trials):
         replace(board, square=board.square * ratio, origin=board.origin * ratio)
         for board, ratio in zip(TARGET.boards, (1.7, 0.6, 3.1), strict=True)
     ]
-    assert told(grids[:2], replace(TARGET, boards=tuple(boards))) is None
+    assert reported(grids[:2], replace(TARGET, boards=tuple(boards))) is None

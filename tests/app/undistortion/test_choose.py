@@ -65,8 +65,8 @@ def test_the_whole_photo_is_shown_beyond_what_is_calibrated(kind):
     chosen = chosen_view(narrow, ViewOptions(kind=kind, fit="whole", size=SIZE))
     made, own = chosen.maps[""], build_map(narrow, chosen.first)
     true = build_map(camera, chosen.first)
-    (told,) = [one for one in chosen.remarks() if "extrapolated" in one]
-    assert int(told.split(" %")[0]) > 50
+    (reported,) = [one for one in chosen.remarks() if "extrapolated" in one]
+    assert int(reported.split(" %")[0]) > 50
     np.testing.assert_array_equal(made.valid, own.valid)
     np.testing.assert_array_equal(made.map_x[made.valid], own.map_x[own.valid])
     assert not (made.empty & true.valid).any()

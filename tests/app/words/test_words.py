@@ -133,9 +133,9 @@ def test_a_finding_comes_back_from_its_record_in_its_own_words() -> None:
     assert again is not None
     assert (again.code, again.remedy, again.line) == (finding.code, finding.remedy, finding.line)
     older = {"cause": "zoom", "level": "bad", "what": "zoomed", "evidence": "5 px", "do": "lock it"}
-    told = of_record(older)
-    assert told is not None
-    assert (told.code, told.severity, told.line) == (
+    reported = of_record(older)
+    assert reported is not None
+    assert (reported.code, reported.severity, reported.line) == (
         Code.ZOOM, Severity.BAD, "zoomed (5 px); lock it"
     )  # fmt: skip
     newer = of_record({**older, "code": "unheard_of", "remedy": "whatever"})
@@ -154,19 +154,19 @@ def test_a_level_is_the_largest_severity() -> None:
 
 def test_a_board_that_is_named_board_is_the_board() -> None:
     figures = {"off": 0.01, "real": "30 mm for 30.3"}
-    told = Finding(code=Code.BOARD_SQUARE, boards=("board",), figures=figures)
-    assert told.what.startswith("the squares of the board are +1 % off")
+    reported = Finding(code=Code.BOARD_SQUARE, boards=("board",), figures=figures)
+    assert reported.what.startswith("the squares of the board are +1 % off")
 
 
 def test_names_of_users_are_no_templates() -> None:
     names = ("{x}|$is_out", "a|b")
     figures = {"size_px": 1.0, "share": 0.5, "worst": "{y}|z"}
-    told = Finding(code=Code.PHOTO_LENS, images=names, figures=figures)
-    assert told.what.startswith(
+    reported = Finding(code=Code.PHOTO_LENS, images=names, figures=figures)
+    assert reported.what.startswith(
         "{x}|$is_out and a|b were taken otherwise than the other photos, which moves corners by "
         "1.00 px (RMS)"
     )
-    assert told.evidence == "this explains 50 % of the squared error of {y}|z"
+    assert reported.evidence == "this explains 50 % of the squared error of {y}|z"
 
 
 def test_an_error_knows_what_it_is_about() -> None:
@@ -201,7 +201,7 @@ class Readers(ast.NodeVisitor):
         self._function = [""]
         self._tainted: list[set[str]] = [set()]
 
-    def told(self, node: ast.AST) -> bool:
+    def reported(self, node: ast.AST) -> bool:
         """Whether an expression is, or is made of, a sentence that is told."""
         if isinstance(node, ast.Name):
             return node.id in self._tainted[-1]
@@ -209,12 +209,14 @@ class Readers(ast.NodeVisitor):
             return node.attr in TEXTS
         if isinstance(node, ast.Subscript):
             key = node.slice
-            return (isinstance(key, ast.Constant) and key.value in TEXTS) or self.told(node.value)
+            return (isinstance(key, ast.Constant) and key.value in TEXTS) or self.reported(
+                node.value
+            )
         if isinstance(node, ast.Call):
             function = node.func
             if isinstance(function, ast.Name) and function.id in ("str", "repr"):
                 return any(
-                    self.told(one)
+                    self.reported(one)
                     or (isinstance(one, ast.Name) and one.id in ERRORS)
                     or (isinstance(one, ast.Attribute) and one.attr in ERRORS)
                     for one in node.args
@@ -222,14 +224,14 @@ class Readers(ast.NodeVisitor):
             if isinstance(function, ast.Attribute) and function.attr == "get" and node.args:
                 first = node.args[0]
                 return isinstance(first, ast.Constant) and first.value in TEXTS
-            return isinstance(function, ast.Attribute) and self.told(function.value)
+            return isinstance(function, ast.Attribute) and self.reported(function.value)
         if isinstance(node, ast.JoinedStr):
             values = [one.value for one in node.values if isinstance(one, ast.FormattedValue)]
-            return any(map(self.told, values))
+            return any(map(self.reported, values))
         if isinstance(node, ast.BoolOp):
-            return any(map(self.told, node.values))
+            return any(map(self.reported, node.values))
         if isinstance(node, ast.BinOp):
-            return self.told(node.left) or self.told(node.right)
+            return self.reported(node.left) or self.reported(node.right)
         return False
 
     def _note(self, node: ast.expr) -> None:
@@ -243,18 +245,18 @@ class Readers(ast.NodeVisitor):
         self._function.pop()
 
     def visit_Assign(self, node: ast.Assign) -> None:
-        if self.told(node.value):
+        if self.reported(node.value):
             names = (name for one in node.targets for name in ast.walk(one))
             self._tainted[-1] |= {one.id for one in names if isinstance(one, ast.Name)}
         self.generic_visit(node)
 
     def visit_For(self, node: ast.For) -> None:
-        if self.told(node.iter) and isinstance(node.target, ast.Name):
+        if self.reported(node.iter) and isinstance(node.target, ast.Name):
             self._tainted[-1].add(node.target.id)
         self.generic_visit(node)
 
     def visit_comprehension(self, node: ast.comprehension) -> None:
-        if self.told(node.iter) and isinstance(node.target, ast.Name):
+        if self.reported(node.iter) and isinstance(node.target, ast.Name):
             self._tainted[-1].add(node.target.id)
         self.generic_visit(node)
 
@@ -270,21 +272,23 @@ class Readers(ast.NodeVisitor):
     def visit_Call(self, node: ast.Call) -> None:
         function = node.func
         if isinstance(function, ast.Attribute):
-            reads = function.attr in READS and self.told(function.value)
+            reads = function.attr in READS and self.reported(function.value)
             regular = isinstance(function.value, ast.Name) and function.value.id == "re"
-            if reads or (regular and function.attr in MATCHES and any(map(self.told, node.args))):
+            if reads or (
+                regular and function.attr in MATCHES and any(map(self.reported, node.args))
+            ):
                 self._note(node)
         self.generic_visit(node)
 
     def visit_Compare(self, node: ast.Compare) -> None:
         sides = [node.left, *node.comparators]
         for left, operator, right in zip(sides, node.ops, sides[1:], strict=False):
-            if isinstance(operator, ast.In | ast.NotIn) and self.told(right):
+            if isinstance(operator, ast.In | ast.NotIn) and self.reported(right):
                 self._note(node)
             if isinstance(operator, ast.Eq | ast.NotEq):
                 texts = [one.value for one in (left, right) if isinstance(one, ast.Constant)]
                 if any(isinstance(text, str) for text in texts) and (
-                    self.told(left) or self.told(right)
+                    self.reported(left) or self.reported(right)
                 ):
                     self._note(node)
         self.generic_visit(node)

@@ -44,7 +44,7 @@ def judged(
     return verdict(fit_record(record), size, outline)
 
 
-def told_of_photos(record: dict[str, Any]) -> list[tuple[Finding, ...]]:
+def reported_of_photos(record: dict[str, Any]) -> list[tuple[Finding, ...]]:
     fit = fit_record(record)
     return photo_verdicts(fit.per_image, fit.dropped_corners, SIZE)
 
@@ -212,16 +212,16 @@ def test_photos_beside_each_other() -> None:
         {"image": "few.png", "rms_px": 0.1, "corners": 9},
     ]
     fit = {"per_image": records, "dropped_corners": [{"image": "few.png"}] * 2}
-    told = told_of_photos(fit)
-    assert [[one.code for one in own] for own in told[5:]] == [
+    reported = reported_of_photos(fit)
+    assert [[one.code for one in own] for own in reported[5:]] == [
         [Code.STANDS_OUT], [Code.OUTLIERS, Code.FEW_CORNERS]
     ]  # fmt: skip
-    assert [one.short for one in told[5]] == ["5× the others"]
-    assert [photo_words(own) for own in told] == [
+    assert [one.short for one in reported[5]] == ["5× the others"]
+    assert [photo_words(own) for own in reported] == [
         *["good"] * 5, "5 times the others' error; look at it", "2 dropped; few corners",
     ]  # fmt: skip
     far = {"per_image": [{"image": "a", "rms_px": 5.0, "corners": 50}] * 3}
-    assert [photo_words(own) for own in told_of_photos(far)] == ["large errors"] * 3
+    assert [photo_words(own) for own in reported_of_photos(far)] == ["large errors"] * 3
 
 
 def test_a_record_without_figures_is_not_trusted() -> None:
@@ -241,7 +241,7 @@ def test_a_camera_from_elsewhere_is_neither_trusted_nor_accused() -> None:
 @given(st.dictionaries(st.sampled_from([*GOOD, "per_image", "dropped_corners", "lift"]), PLAIN))
 def test_no_record_breaks_it(record: dict[str, Any]) -> None:
     judged({**GOOD, **record}, SIZE)
-    told_of_photos(record)
+    reported_of_photos(record)
 
 
 @pytest.mark.parametrize(

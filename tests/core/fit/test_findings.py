@@ -81,11 +81,11 @@ def test_photos_that_lost_the_same_board_are_reported_in_one_line(pairs):
     )
     few, _ = select(pairs, (pairs.column < 4) & (pairs.row < 4))
     assert dropped_boards(SimpleNamespace(pairs=pairs, dropped=[one])) == []
-    (told,) = dropped_boards(SimpleNamespace(pairs=few, dropped=dropped))
-    assert (told.images, told.boards) == (("00.png", "02.png"), ("left",))
-    assert told.figures["corners"] < seen
-    assert told.line.startswith(
-        f"00.png and 02.png: 17 of {told.figures['corners']} corners of board left are off by "
+    (reported,) = dropped_boards(SimpleNamespace(pairs=few, dropped=dropped))
+    assert (reported.images, reported.boards) == (("00.png", "02.png"), ("left",))
+    assert reported.figures["corners"] < seen
+    assert reported.line.startswith(
+        f"00.png and 02.png: 17 of {reported.figures['corners']} corners of board left are off by "
         "3.0 to 8.0 px in the median"
     )
 

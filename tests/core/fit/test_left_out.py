@@ -162,7 +162,7 @@ def test_another_prior_steps_as_the_equations_with_it_do(reference):
     leave_one_out = LeaveOneOut(result, FOLDS)
     step = changed.solve(1e-9)[0]
     np.testing.assert_allclose(
-        leave_one_out.held_as([other])[0], step, atol=1e-3 * np.abs(step).max()
+        leave_one_out.steps_under([other])[0], step, atol=1e-3 * np.abs(step).max()
     )
 
 

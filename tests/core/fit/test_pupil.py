@@ -69,11 +69,11 @@ def test_a_pupil_that_wanders_is_found(found: Calibration, lens: SyntheticLens) 
 
 def test_other_photos_are_told_better_with_it(found: Calibration, lens: SyntheticLens) -> None:
     others = photos(lens, seed=6)
-    told = evaluate(found.camera, others).errors.rms_px
+    reported = evaluate(found.camera, others).errors.rms_px
     central = replace(found.camera, pupil_travel=0.0)
-    assert told < 0.8 * evaluate(central, others).errors.rms_px
+    assert reported < 0.8 * evaluate(central, others).errors.rms_px
     in_cm = replace(found.camera, pupil_travel=found.camera.pupil_travel / 10, units="cm")
-    assert evaluate(in_cm, others.with_target(TARGET)).errors.rms_px == pytest.approx(told)
+    assert evaluate(in_cm, others.with_target(TARGET)).errors.rms_px == pytest.approx(reported)
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.target import load_target
 
 
-def told(**options: object) -> list[tuple[str, float]]:
+def reported(**options: object) -> list[tuple[str, float]]:
     target = load_target(SAMPLE / "target.yaml")
     pairs = load_corners(SAMPLE / "true_corners.csv", target)
     few = select_photos(pairs, np.arange(4))
@@ -29,7 +29,7 @@ def told(**options: object) -> list[tuple[str, float]]:
     ],
 )
 def test_a_fit_tells_its_stages_in_order(options: dict[str, object], last: str, some: str) -> None:
-    said = told(**options)
+    said = reported(**options)
     words, shares = zip(*said, strict=True)
     assert words[0] == "poses and a radial lens"
     assert words[-1] == last

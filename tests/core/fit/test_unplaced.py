@@ -43,22 +43,22 @@ def fit(pairs):
 def test_they_are_in_no_figure_of_a_fit(pairs, fit):
     assert fit.refined == "points"
     # Their points follow them: that is no small error, it is none.
-    told, length = fit.pairs.certain, np.hypot(*fit.residual.T)
-    assert np.median(length[~told]) < np.median(length[told]) / 2
-    assert len(fit.pairs.pixel) == len(told) == fit.errors.corners
-    assert fit.errors.rms_px == pytest.approx(rms_px(fit.residual[told]))
-    assert fit.errors.median_px == pytest.approx(np.median(length[told]))
+    reported, length = fit.pairs.certain, np.hypot(*fit.residual.T)
+    assert np.median(length[~reported]) < np.median(length[reported]) / 2
+    assert len(fit.pairs.pixel) == len(reported) == fit.errors.corners
+    assert fit.errors.rms_px == pytest.approx(rms_px(fit.residual[reported]))
+    assert fit.errors.median_px == pytest.approx(np.median(length[reported]))
     assert fit.fit.companion_rms_px > fit.errors.rms_px / 2
     assert fit.fit.uncertainty.noise_px == pytest.approx(NOISE, rel=0.25)
     held_out = fit.held_out
     assert held_out is not None
-    assert np.array_equal(np.isnan(held_out.square), ~told)
+    assert np.array_equal(np.isnan(held_out.square), ~reported)
     assert np.array_equal(np.isnan(held_out.photos_px), np.isin(np.arange(PHOTOS), UNPLACED))
 
 
 def test_they_are_listed_without_one(pairs, fit):
     photos = fit.fit.per_image
-    for photo, (one, told) in enumerate(
+    for photo, (one, reported) in enumerate(
         zip(photos, photo_verdicts(photos, (), pairs.image_size), strict=True)
     ):
         assert one.corners > 0
@@ -66,7 +66,7 @@ def test_they_are_listed_without_one(pairs, fit):
         assert np.isnan([one.rms_px, one.median_px, one.p95_px, one.max_px]).tolist() == (
             [unplaced] * 4
         )
-        assert (Code.NO_ERROR in [finding.code for finding in told]) is unplaced
+        assert (Code.NO_ERROR in [finding.code for finding in reported]) is unplaced
 
 
 def test_they_have_errors_where_corners_have_no_places_of_their_own(pairs):

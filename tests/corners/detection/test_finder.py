@@ -343,8 +343,8 @@ def without_a_board():
 
 @pytest.mark.parametrize("gap", [10, 13])
 def test_burnt_out_white_is_named_where_dark_squares_no_longer_touch(gap):
-    told = cause(seen(drawn_board(gap=gap)[0] * 1.1))
-    assert (told.code, told.case) == (Code.TOO_BRIGHT, "burnt")
+    reported = cause(seen(drawn_board(gap=gap)[0] * 1.1))
+    assert (reported.code, reported.case) == (Code.TOO_BRIGHT, "burnt")
 
 
 @pytest.mark.slow
@@ -371,13 +371,13 @@ def moved(light, length_px, towards_deg):
 
 @pytest.mark.parametrize("towards_deg", [30, pytest.param(135, marks=pytest.mark.slow)])
 def test_motion_is_named_though_edges_along_it_stay_sharp(towards_deg):
-    told = cause(seen(moved(drawn_board()[0], 22, towards_deg)))
-    assert told.code is Code.BLURRED
+    reported = cause(seen(moved(drawn_board()[0], 22, towards_deg)))
+    assert reported.code is Code.BLURRED
 
 
 def test_small_squares_are_named_with_their_size():
-    told = cause(seen(drawn_board(side=3)[0]))
-    assert "squares of 3.0 px; they must be 6 px or more" in told.what
+    reported = cause(seen(drawn_board(side=3)[0]))
+    assert "squares of 3.0 px; they must be 6 px or more" in reported.what
 
 
 @pytest.mark.slow

@@ -135,10 +135,10 @@ def test_a_photo_of_another_camera_is_not_blamed_on_the_drawing():
         for photo, own in zip(photos, identified.grids, strict=True)
     ]
     assert [number for number, remark in enumerate(remarks) if remark] == [4]
-    told = remarks[4]
-    assert told.code in (Code.FITS_NOWHERE, Code.NO_PLANE)
-    assert (told.case, told.remedy) == ("odd", Remedy.LEAVE_OUT)
-    assert told.short != told.line
+    reported = remarks[4]
+    assert reported.code in (Code.FITS_NOWHERE, Code.NO_PLANE)
+    assert (reported.case, reported.remedy) == ("odd", Remedy.LEAVE_OUT)
+    assert reported.short != reported.line
 
 
 def named(board=0):

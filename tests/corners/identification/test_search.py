@@ -232,17 +232,17 @@ def test_a_slide_along_a_common_edge_is_told_by_an_end_or_not_at_all():
         for grid, pose in zip(grids, poses, strict=True)
     ]
     found = search(views, sides)
-    slide = decide(grids, sides, found, [Told(None), Told(None)])
+    slide = decide(grids, sides, found, [Reported(None), Reported(None)])
     assert slide.verdict == (Decided.SLIDE, Decided.SLIDE)
-    told = decide(grids, sides, found, [Told(truth[0]), Told(None)])
-    assert told.verdict == (Decided.NAMED, Decided.NAMED)
+    reported = decide(grids, sides, found, [Reported(truth[0]), Reported(None)])
+    assert reported.verdict == (Decided.NAMED, Decided.NAMED)
     assert [
         (int(sides.board[side]), int(sides.turn[side]), *map(int, offset))
-        for side, offset in zip(told.side, told.offset, strict=True)
+        for side, offset in zip(reported.side, reported.offset, strict=True)
     ] == [(place.board, place.turn, place.column, place.row) for place in truth]
 
 
-class Told(Ends):
+class Reported(Ends):
     """Ends of which only what they say is of interest: all places but one miss corners."""
 
     def __init__(self, place: Place | None) -> None:

@@ -64,14 +64,14 @@ def thinned():
     return subset(corners, np.random.default_rng(0).random(len(corners.pixel)) < 0.67)
 
 
-def look_again(first, target, jobs=1):
+def search_again(first, target, jobs=1):
     return second_pass(PHOTOS, first, predicted_corners(first, target), Work(jobs=jobs))
 
 
 @pytest.mark.slow
 def test_missed_corners_are_added_where_they_are(thinned):
     true = keys(truth())
-    detection = look_again(first_pass(thinned), TARGET)
+    detection = search_again(first_pass(thinned), TARGET)
     found, had = keys(detection.corners), keys(thinned)
     assert {name: found[name] for name in had} == had
     added = {name: pixel for name, pixel in found.items() if name not in had}
@@ -87,7 +87,7 @@ def test_missed_corners_are_added_where_they_are(thinned):
 @pytest.mark.slow
 def test_a_board_that_only_the_second_pass_saw_is_reported(thinned):
     without = subset(thinned, (thinned.image != 0) | (thinned.board != 2))
-    detection = look_again(first_pass(without), TARGET)
+    detection = search_again(first_pass(without), TARGET)
     report = next(one for one in detection.photos if one.name == without.images[0])
     assert report.boards == TARGET.board_names
 
@@ -95,32 +95,32 @@ def test_a_board_that_only_the_second_pass_saw_is_reported(thinned):
 @pytest.mark.slow
 def test_nothing_is_added_that_no_photo_shows(thinned):
     """What is added beyond the list of true corners lies at the rim of what can be seen."""
-    detection = look_again(first_pass(truth()), TARGET)
+    detection = search_again(first_pass(truth()), TARGET)
     assert sum(photo.added for photo in detection.photos) < 0.1 * len(truth().pixel)
 
 
 @pytest.mark.slow
 def test_photos_placed_by_convention_are_left_alone(thinned):
-    detection = look_again(first_pass(thinned, exact=False), TARGET)
+    detection = search_again(first_pass(thinned, exact=False), TARGET)
     assert sum(photo.added for photo in detection.photos) == 0
 
 
 def test_without_a_camera_the_first_pass_stands(thinned):
     few = first_pass(subset(thinned, np.arange(len(thinned.pixel)) < 12))
-    assert look_again(few, TARGET) is few
+    assert search_again(few, TARGET) is few
 
 
 @pytest.mark.slow
 def test_processes_do_not_change_the_result(thinned):
-    one = look_again(first_pass(thinned), TARGET)
-    two = look_again(first_pass(thinned), TARGET, jobs=2)
+    one = search_again(first_pass(thinned), TARGET)
+    two = search_again(first_pass(thinned), TARGET, jobs=2)
     np.testing.assert_array_equal(one.corners.pixel, two.corners.pixel)
 
 
 def test_boards_of_tags_alone_have_no_second_pass():
     detection = first_pass(truth())
     tags = replace(TARGET, boards=tuple(as_type(b, "aprilgrid") for b in TARGET.boards))
-    assert look_again(detection, tags) is detection
+    assert search_again(detection, tags) is detection
 
 
 @pytest.mark.slow
@@ -132,7 +132,7 @@ def test_boards_of_the_other_colours_are_looked_at_as_they_are(thinned):
         boards=tuple(replace(b, first_square=others[b.first_square]) for b in TARGET.boards),
     )
     first = first_pass(thinned)
-    right = look_again(first, TARGET)
-    seen = look_again(replace(first, other_colours=True), wrong)
+    right = search_again(first, TARGET)
+    seen = search_again(replace(first, other_colours=True), wrong)
     np.testing.assert_array_equal(seen.corners.pixel, right.corners.pixel)
     assert len(seen.corners.pixel) > len(thinned.pixel)

@@ -172,8 +172,8 @@ def test_a_photo_of_a_larger_board_says_so_without_counting_strays():
     identified = name_grids([[grid(12, 8, (12, 3))]] * 2, target, IMAGE_SIZE, names(2))
     assert identified.grids[0][0].verdict is Decided.TOO_LARGE
     assert identified.grids[0][0].size == (12, 8)
-    (told,) = nothing_named(grid_evidence(identified, target))
-    assert told.figures["seen"] == "12x8 (in 2)"
+    (reported,) = nothing_named(grid_evidence(identified, target))
+    assert reported.figures["seen"] == "12x8 (in 2)"
 
 
 def shifted_by_a_line(own: Grid) -> tuple[Grid, np.ndarray, tuple[int, int]] | None:

@@ -203,17 +203,17 @@ def test_what_is_wrong_comes_first_and_corners_of_another_fit_are_not_drawn(
     assert "Errors as arrows" not in text
     assert "The lens: radius by angle" in text
     assert len(facts.known.verdict.reasons) > 1
-    told = [
+    reported = [
         "Not to be trusted",
         "a fault (12 px)",
         *(reason.why for reason in facts.known.verdict.reasons),
     ]
-    told += [
+    reported += [
         "a note (12 px); sleep on it",
         facts.known.verdict.figures[1:],
         "RMS error",
     ]
-    places = [text.index(words) for words in told]
+    places = [text.index(words) for words in reported]
     assert places == sorted(places)
     assert text.count("a note (12 px)") == 1
     # What to do is told in the words of the terminal, which has reasons in this order too.

@@ -95,7 +95,7 @@ def _measure_runner_up_steps(
             roots.append(np.sqrt(probability))
     if not rigs:
         return []
-    steps = leave_one_out.held_as(rigs)
+    steps = leave_one_out.steps_under(rigs)
     return list(np.array(roots)[:, None] * steps[:, : len(lens.parameters)])
 
 

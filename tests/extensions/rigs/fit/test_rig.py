@@ -325,13 +325,13 @@ def free_running() -> tuple[tuple[Observations, ...], dict[str, dict[str, float]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("told", [False, True])
-def test_cameras_that_run_free_before_a_moving_target_get_times(told: bool) -> None:
+@pytest.mark.parametrize("reported", [False, True])
+def test_cameras_that_run_free_before_a_moving_target_get_times(reported: bool) -> None:
     pairs, times = free_running()
     rig = calibrate_rig(
         dict(zip(NAMES, pairs, strict=True)),
         corner_target(),
-        times=times if told else None,
+        times=times if reported else None,
         known={name: plain().camera(name) for name in NAMES},
         refine_target="off",
     )
@@ -339,7 +339,7 @@ def test_cameras_that_run_free_before_a_moving_target_get_times(told: bool) -> N
     assert np.linalg.norm(rig.cameras[1].translation - plain().cameras[1].translation) < 1.5
     assert not [one for one in rig.fit.findings if one.code == "clocks_differ"]
     assert rig.verdict.level != "bad"
-    if not told:
+    if not reported:
         first = rig.verdict.reasons[0]
         assert (first.code, first.case) == ("not_at_once", "fitted")
         assert "hold the board still for a second" in first.line
@@ -438,8 +438,8 @@ def test_each_camera_has_the_pupil_that_its_lens_has() -> None:
     )
     assert held.cameras[1].camera.pupil_travel == pytest.approx(one.camera.pupil_travel)
     assert held.fit.rms_px == pytest.approx(rig.fit.rms_px, rel=0.02)
-    told = evaluate_rig(rig, dict(zip(NAMES, pairs, strict=True)))
-    assert told.rms_px == pytest.approx(rig.fit.rms_px, rel=0.02)
+    reported = evaluate_rig(rig, dict(zip(NAMES, pairs, strict=True)))
+    assert reported.rms_px == pytest.approx(rig.fit.rms_px, rel=0.02)
 
 
 @pytest.mark.slow
@@ -679,10 +679,10 @@ def test_cameras_that_name_a_symmetric_board_otherwise_are_one_rig(named: str) -
         rig.cameras[1].translation, by_truth.cameras[1].translation, atol=1e-3
     )
     # And a rig that is known explains shots with such names as well as with true ones.
-    told, true = (
+    reported, true = (
         evaluate_rig(rig, dict(zip(NAMES, pairs, strict=True))) for pairs in (given, shown)
     )
-    assert told.rms_px == pytest.approx(true.rms_px, rel=1e-3)
+    assert reported.rms_px == pytest.approx(true.rms_px, rel=1e-3)
     # One shot alone is told by where the cameras stand.
     turned = renamed(shown[1], of, dict.fromkeys(shown[1].images, half))
     shot = set(shown[0].images) & set(shown[1].images)

@@ -102,10 +102,10 @@ def test_a_rig_is_evaluated_with_the_times_that_it_was_fitted_with(tmp_path: Pat
         save_corners(path, own)
         rows += [f"{name},{photo},{time}" for photo, time in times.items()]
     (tmp_path / "times.csv").write_text("\n".join(rows) + "\n")
-    told = {"target": tmp_path / "target.yaml", "times": tmp_path / "times.csv"}
-    options = RigOptions(cameras=files, folder=tmp_path / "rig", refine_target="off", **told)
+    reported = {"target": tmp_path / "target.yaml", "times": tmp_path / "times.csv"}
+    options = RigOptions(cameras=files, folder=tmp_path / "rig", refine_target="off", **reported)
     rig = calibrate_rig_files(options).rig
-    found = evaluate_rig_files(RigEvaluateOptions(rig=tmp_path / "rig", cameras=files, **told))
+    found = evaluate_rig_files(RigEvaluateOptions(rig=tmp_path / "rig", cameras=files, **reported))
     assert found.rms_px == pytest.approx(rig.fit.rms_px, rel=0.1)
 
 
