@@ -461,7 +461,7 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
         figures.print_figure(*figure)
     if fit.pupil is not None:
         figures.print_figure(
-            "entrance pupil", figures.px(fit.pupil.rim_px), meaning=pupil_meaning(fit.pupil)
+            "entrance pupil", figures.px(abs(fit.pupil.rim_px)), meaning=pupil_meaning(fit.pupil)
         )
     if fit.lift == "point":
         meaning = "P means something on the boards only; points off them are refused"

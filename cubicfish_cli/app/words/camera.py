@@ -62,7 +62,7 @@ def lens_rows(known: CameraFacts) -> list[tuple[str, str]]:
         rows.append(("field of view", _describe_field(known.field)))
     if known.fit.pupil is not None:
         pupil = known.fit.pupil
-        rows.append(("entrance pupil", f"{pupil.rim_px:.3f} px {pupil_meaning(pupil)}"))
+        rows.append(("entrance pupil", f"{abs(pupil.rim_px):.3f} px: {pupil_meaning(pupil)}"))
     return rows
 
 
@@ -100,9 +100,10 @@ def uncertainty_meaning(certain: FieldUncertainty) -> str:
 
 
 def pupil_meaning(pupil: PupilEffect) -> str:
-    """Return the meaning of :attr:`PupilEffect.rim_px`, which stands behind it."""
+    """Return the meaning of the size of :attr:`PupilEffect.rim_px`, which stands before it."""
     away = length_words(pupil.distance, pupil.units or "")
-    return f"outward at the rim, for things as near as the corners were: {away}"
+    way = "nearer to" if pupil.rim_px < 0 else "farther from"
+    return f"how much {way} the axis the rim shows things {away} away than distant ones"
 
 
 def pictures_of(fit: FitRecord) -> str | None:

@@ -3,7 +3,9 @@
 import pytest
 
 from cubicfish_cli.app.difference_picture import round_up
+from cubicfish_cli.app.words.camera import pupil_meaning
 from cubicfish_cli.app.words.phrases import length_words, two_digits
+from cubicfish_cli.core.assess.pupil import PupilEffect
 
 
 @pytest.mark.parametrize(
@@ -32,3 +34,10 @@ def test_two_digits_are_never_a_power_of_ten():
 )
 def test_scales_end_at_round_numbers(value, up):
     assert round_up(value) == pytest.approx(up)
+
+
+@pytest.mark.parametrize(("rim_px", "way"), [(0.2, "farther from"), (-0.2, "nearer to")])
+def test_which_way_near_things_are_displaced_is_said_in_words(rim_px, way):
+    effect = PupilEffect(travel=1.0, distance=153, units="mm", rim_px=rim_px)
+    said = pupil_meaning(effect)
+    assert said == f"how much {way} the axis the rim shows things 15 cm away than distant ones"
