@@ -45,16 +45,6 @@ class PhotoTimes:
     path: FloatArray
     known: bool = False
 
-    def select(self, views: IntArray) -> PhotoTimes:
-        """The same of some views."""
-        return replace(
-            self,
-            late=self.late[views],
-            stated=self.stated[views],
-            prior_weight=self.prior_weight[views],
-            path=self.path[views],
-        )
-
     def along(self) -> tuple[FloatArray, FloatArray]:
         """(V, 6) how far the target moved in each view, and (V, 6) its speed then."""
         power = np.arange(1, self.path.shape[1] + 1)

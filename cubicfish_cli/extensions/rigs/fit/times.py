@@ -15,10 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust, linearise
+from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, linearise
 from cubicfish_cli.core.fit.normal_equations import solve_scaled
 from cubicfish_cli.core.fit.statistics import huber_px, noise_px
-from cubicfish_cli.core.fit.subset import select_photos
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.extensions.rigs.fit.motion import paths_between
@@ -37,6 +36,8 @@ _EXPLAINED = 0.9
 # The scatter at first: of the step between shots, or seconds of films.
 _FIRST_SHARE, _FIRST_S = 0.3, 0.03
 _ROUNDS, _LEAST_SHARE, _ROUGH_DECREASE = 8, 1e-3, 1e-5
+# Corners of shots that are left out count so little: enough to place these shots.
+_LEFT_OUT, _ROUNDS_WITHOUT = 1e-6, 2
 # A clock is off where the fit says so at so many standard deviations,
 _SURE = 4.0
 # and what it does to its corners is as large as so much of their noise.
@@ -185,14 +186,6 @@ class Motion:
         ]
         return replace(self, flow=flow, stated=stated, in_seconds=True)
 
-    def select(self, rows: IntArray) -> Motion:
-        """The same of some rows of the pairs."""
-        if self.flow is None:
-            return self
-        return replace(
-            self, flow=Moving(**{name: own[rows] for name, own in vars(self.flow).items()})
-        )
-
     def step(self) -> float:
         """The usual time between shots; 0 where it is not known."""
         gaps = np.diff(np.sort(list(self.moment.values())))
@@ -290,25 +283,14 @@ class Timing:
 
     def without(self, fit: Adjustment[RigLens], shots: IntArray) -> RigLens:
         """The rig that is fitted without some shots (K,), photos' times and motion too."""
-        lens, times = fit.lens, fit.lens.times
-        assert times is not None
-        views = np.flatnonzero(~np.isin(lens.shot, shots))
-        rows = np.flatnonzero(np.isin(fit.pairs.image, views))
-        remain, shot = np.unique(lens.shot[views], return_inverse=True)
-        rest = replace(lens, camera=lens.camera[views], shot=shot, times=times.select(views))
-        anew = adjust(
-            rest,
-            fit.poses[remain],
-            select_photos(fit.pairs, views),
-            fit.huber_px,
-            world=fit.world.select(rows),
-            relative_decrease=_ROUGH_DECREASE,
-            damping=WARM_DAMPING,
-        )
-        names = [self.shots[shot] for shot in remain.tolist()]
-        anew = replace(self, motion=self.motion.select(rows), shots=names).again(anew)
-        anew = anew.again(relative_decrease=_ROUGH_DECREASE, damping=WARM_DAMPING, limit=huber_px)
-        return anew.lens
+        out = np.isin(fit.lens.shot[fit.pairs.image], shots)
+        pairs = replace(fit.pairs, weight=fit.pairs.weight * np.where(out, _LEFT_OUT, 1.0))
+        for _ in range(_ROUNDS_WITHOUT):
+            fit = fit.again(
+                pairs, relative_decrease=_ROUGH_DECREASE, damping=WARM_DAMPING, limit=huber_px
+            )
+            fit = self.again(fit)
+        return fit.lens
 
 
 def on_time(
