@@ -103,7 +103,7 @@ def pupil_meaning(pupil: PupilEffect) -> str:
     """Return the meaning of the size of :attr:`PupilEffect.rim_px`, which stands before it."""
     away = length_words(pupil.distance, pupil.units or "")
     way = "nearer to" if pupil.rim_px < 0 else "farther from"
-    return f"how much {way} the axis the rim shows things {away} away than distant ones"
+    return f"how much {way} the axis things {away} away appear at the rim than distant ones"
 
 
 def pictures_of(fit: FitRecord) -> str | None:

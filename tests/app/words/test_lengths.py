@@ -40,4 +40,4 @@ def test_scales_end_at_round_numbers(value, up):
 def test_which_way_near_things_are_displaced_is_said_in_words(rim_px, way):
     effect = PupilEffect(travel=1.0, distance=153, units="mm", rim_px=rim_px)
     said = pupil_meaning(effect)
-    assert said == f"how much {way} the axis the rim shows things 15 cm away than distant ones"
+    assert said == f"how much {way} the axis things 15 cm away appear at the rim than distant ones"
