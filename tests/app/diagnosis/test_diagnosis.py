@@ -915,7 +915,7 @@ def test_corners_under_another_boards_name():
 
 
 @pytest.mark.parametrize(
-    ("changed", "cause", "of_photos", "of_drawing"),
+    ("changed", "cause", "of_photos", "of_nominal"),
     [
         (
             lambda c: {"column": np.where(c.board == 2, 6 - c.column, c.column)},
