@@ -180,7 +180,7 @@ def refined_cubic(
     weights: FloatArray | None = None,
     stiffness: float = 0.0,
 ) -> CubicFit:
-    """Refine a cubic to see rays where they are seen, by Levenberg–Marquardt.
+    """Refine a cubic to see rays where they are seen, the same to the last bit every time.
 
     Args:
         start: a cubic that is near.
@@ -213,5 +213,6 @@ def refined_cubic(
 
     first, stop = start.parameters[:_FREE], {"ftol": _STEADY, "xtol": _STEADY, "max_nfev": _MOST}
     with np.errstate(all="ignore"):
-        found = least_squares(miss, first, jac=slope, x_scale="jac", method="lm", **stop)
+        # Not MINPACK's ``lm``, which gives one of several answers to the same numbers.
+        found = least_squares(miss, first, jac=slope, x_scale="jac", method="trf", **stop)
     return with_parameters(found.x)

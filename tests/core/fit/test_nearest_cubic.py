@@ -48,3 +48,13 @@ def test_p_keeps_its_pixels_in_another_normalisation():
     # The scale is free no more: parameters go round.
     again = moved.with_parameters(moved.parameters)
     np.testing.assert_allclose(again.coefficients, moved.coefficients, atol=1e-12)
+
+
+def test_the_same_lens_has_the_same_cubic_every_time():
+    """Wherever its arrays lie in memory."""
+    camera, half_deg, _ = CAMERAS["pinhole"]
+    rng, kept, found = np.random.default_rng(0), [], set()
+    for _ in range(25):
+        kept += [np.empty(size) for size in rng.integers(1, 3000, 20)]
+        found.add(nearest_cubic(camera, (0.0, np.radians(half_deg))).lens.coefficients.tobytes())
+    assert len(found) == 1
