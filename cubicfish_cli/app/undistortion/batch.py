@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -26,6 +27,7 @@ from cubicfish_cli.app.undistortion.images import (
     encode_picture,
     naming,
     remap_picture,
+    render_in_bands,
 )
 from cubicfish_cli.app.undistortion.options import ViewOptions
 from cubicfish_cli.core.errors import ClusterError, CubicfishError
@@ -41,6 +43,8 @@ Size = tuple[int, int]
 """(width, height), pixels."""
 MAKING = RLock()
 """Held while maps are made, since one thread makes them for all."""
+# Pixels of a view whose map, of nine bytes per pixel, is kept from one photo to the next.
+_MOST_KEPT = 30_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +80,8 @@ class Views:
     """The views of a run; called with a photo, it renders them.
 
     A view from the camera's place is the same for all photos of a size: its maps are made once,
-    from any thread. Sizes are (width, height), pixels.
+    from any thread, unless they are so large that each photo is rendered some rows at a time. Sizes
+    are (width, height), pixels.
     """
 
     size_of = staticmethod(photo_size)
@@ -125,11 +130,17 @@ class Views:
 
     def __call__(self, job: Job, photos: Mapping[str, Picture]) -> dict[str, Picture]:
         """The pictures of a job; :func:`write_many` calls it."""
-        picture = photos[""]
-        maps = self.maps(job.source, (picture.shape[1], picture.shape[0]))
-        return {
-            part: remap_picture(picture, maps[part], self.interpolation) for part in job.outputs
-        }
+        picture, how = photos[""], self.interpolation
+        size = picture.shape[1], picture.shape[0]
+        with MAKING:
+            chosen = self.chosen(job.source, size)
+        if chosen.camera is not None and math.prod(chosen.first.size) > _MOST_KEPT:
+            return {
+                part: render_in_bands(picture, chosen.camera, chosen.views[part], how)
+                for part in job.outputs
+            }
+        maps = self.maps(job.source, size)
+        return {part: remap_picture(picture, maps[part], how) for part in job.outputs}
 
 
 def write_many(jobs: Sequence[Job], write: Write, run: Run) -> dict[str, CubicfishError]:

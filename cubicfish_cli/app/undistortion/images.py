@@ -23,7 +23,7 @@ from cubicfish_cli.core.errors import CubicfishError, OutputError, ViewError
 from cubicfish_cli.core.files import write_files
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap, build_map, camera_for_photos
-from cubicfish_cli.core.views.view import View
+from cubicfish_cli.core.views.view import PointProjector, View
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
 CV2_FLAGS = dict(
@@ -51,6 +51,8 @@ _HOLDS = {
 
 
 _TIFF_LZW = 5
+# Pixels of a view whose map, of nine bytes per pixel, is in memory at a time.
+_BAND_PIXELS = 4_000_000
 
 
 def remap_picture(
@@ -79,6 +81,25 @@ def remap_picture(
             "use photos of that size, neither scaled nor cropped nor turned"
         )
     return remap(picture, undistort_map.map_x, undistort_map.map_y, interpolation)
+
+
+def render_in_bands(
+    picture: Picture, camera: PointProjector, view: View, interpolation: str = "linear"
+) -> Picture:
+    """Render a view from a picture without the whole map in memory: some rows after the others.
+
+    Raises:
+        ViewError: as :func:`remap_picture` and :func:`build_map`.
+
+    """
+    width, height = view.size
+    flat = np.empty((height, width, *picture.shape[2:]), picture.dtype)
+    step = max(1, _BAND_PIXELS // width)
+    for top in range(0, height, step):
+        rows = range(top, min(height, top + step))
+        band = build_map(camera, view, rows)
+        flat[rows.start : rows.stop] = remap_picture(picture, band, interpolation)
+    return flat
 
 
 def remap(

@@ -61,7 +61,7 @@ class UndistortMap(Brief):
         return np.asarray(self.map_x == OUTSIDE)
 
 
-def build_map(camera: PointProjector, view: View) -> UndistortMap:
+def build_map(camera: PointProjector, view: View, rows: range | None = None) -> UndistortMap:
     """The map (H, W), pixels of the camera's photos, that renders ``view`` from them.
 
     Rows are done in blocks, on two threads when there are many, so the memory needed beyond
@@ -70,6 +70,7 @@ def build_map(camera: PointProjector, view: View) -> UndistortMap:
     Args:
         camera: whose photos they are.
         view: what is rendered.
+        rows: the rows of the view that the map is of; all by default.
 
     Raises:
         ViewError: the camera's photos are larger than ``cv2.remap`` can take.
@@ -82,15 +83,17 @@ def build_map(camera: PointProjector, view: View) -> UndistortMap:
             f"a side may have {MAX_SIDE} pixels at most"
         )
     width, height = view.size
-    map_x, map_y = np.empty((2, height, width), np.float32)
-    valid = np.empty((height, width), bool)
+    rows = rows or range(height)
+    map_x, map_y = np.empty((2, len(rows), width), np.float32)
+    valid = np.empty((len(rows), width), bool)
     grid = grid_of(camera, view) if isinstance(camera, CubicCamera) else None
     project = seen_near(camera) if isinstance(view, PlaneView) else camera.project
     step = max(1, _PIXELS_PER_BLOCK // width)
 
     def fill(top: int) -> None:
-        block = slice(top, min(height, top + step))
-        x, y = map_x[block], map_y[block]
+        block = slice(top, min(rows.stop, top + step))
+        own = slice(block.start - rows.start, block.stop - rows.start)
+        x, y = map_x[own], map_y[own]
         if grid is not None:
             grid.fill(block, x, y)
         else:
@@ -101,21 +104,21 @@ def build_map(camera: PointProjector, view: View) -> UndistortMap:
         if (
             x.min() >= 0 and x.max() <= photo_width - 1 and y.min() >= 0
         ) and y.max() <= photo_height - 1:
-            valid[block] = True
+            valid[own] = True
             return
         inside = (x >= 0) & (x <= photo_width - 1) & (y >= 0) & (y <= photo_height - 1)
-        valid[block] = inside
+        valid[own] = inside
         np.logical_not(inside, out=inside)
         np.copyto(x, OUTSIDE, where=inside)
         np.copyto(y, OUTSIDE, where=inside)
 
     with ThreadPoolExecutor(_THREADS if valid.size >= _PIXELS_FOR_THREADS else 1) as threads:
-        list(threads.map(fill, range(0, height, step)))
+        list(threads.map(fill, rows[::step]))
     made = UndistortMap(
         map_x=map_x, map_y=map_y, valid=valid, view=view, image_size=camera.image_size
     )
     if isinstance(camera, WholePhoto):
-        own = build_map(camera.camera, view)
+        own = build_map(camera.camera, view, rows)
         np.copyto(map_x, own.map_x, where=own.valid)
         np.copyto(map_y, own.map_y, where=own.valid)
         return replace(made, valid=own.valid)

@@ -3,10 +3,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from lenses import cubic_camera
 from synthetic import lens_of_size
 
 from cubicfish_cli.app.photos import decode_picture, read_picture
-from cubicfish_cli.app.undistortion.batch import Job, write_one
+from cubicfish_cli.app.undistortion import batch, images
+from cubicfish_cli.app.undistortion.batch import Job, Views, write_one
 from cubicfish_cli.app.undistortion.images import (
     encode_picture,
     jpeg_like,
@@ -207,3 +209,21 @@ def test_a_jpegs_nature_goes_from_the_photo_to_the_picture(tmp_path):
     assert cv2.imread(str(out)).shape[:2] == (70, 50)
     undistort_picture_file(source, out, MAP, 30, overwrite=True)
     assert jpeg_like(out.read_bytes())[0][1] == 30
+
+
+@pytest.mark.parametrize("kind", ["perspective", "cylindrical"])
+@pytest.mark.parametrize("interpolation", ["nearest", "linear", "cubic", "lanczos"])
+def test_a_picture_is_the_same_some_rows_at_a_time(monkeypatch, kind, interpolation):
+    camera = cubic_camera(100.0)
+    width, height = camera.image_size
+    photo = (200 * np.random.default_rng(3).random((height, width, 3))).astype(np.uint8)
+    view = CentralView.with_field(kind, 150, (301, 231))
+    views, job = (
+        Views(camera, view, interpolation),
+        Job(name="a", photos={"": Path("a")}, outputs={"": Path("b")}),
+    )
+    whole = views(job, {"": photo})[""]
+    monkeypatch.setattr(images, "_BAND_PIXELS", 2000)
+    monkeypatch.setattr(batch, "_MOST_KEPT", 2000)
+    monkeypatch.setattr(Views, "maps", None)  # nothing makes the whole map
+    np.testing.assert_array_equal(views(job, {"": photo})[""], whole)
