@@ -72,6 +72,12 @@ def smooth(points: np.ndarray) -> np.ndarray:
     return 100 + unit @ [30.0, 20.0, -25.0] + 20 * np.sin(3 * unit[..., 0] + 2 * unit[..., 1])
 
 
+def test_the_camera_whose_axis_is_nearest_sees_a_ray(ring: Body) -> None:
+    rays = np.array([[0.0, 0.0, 1.0], [0.2, -0.1, 1.0], [-0.3, 0.2, 1.0]])
+    for one in ring.cameras:
+        np.testing.assert_allclose(ring.project(rays @ one.rotation), one.camera.project(rays))
+
+
 @pytest.mark.slow
 def test_far_things_are_where_they_belong_all_around(ring: Body) -> None:
     made = mosaic_of(ring, PANORAMA)
