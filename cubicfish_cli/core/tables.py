@@ -77,7 +77,9 @@ class Table:
         for name, code in index.items():
             if not is_name(name):
                 self.refuse(codes.index(code), f"{column} must be a name, not {quoted(name)}")
-        return tuple(index), np.array(codes, np.intp)
+        # A name of the table's text would keep the memory in which its rows were read.
+        names = tuple(name.encode().decode() for name in index)
+        return names, np.array(codes, np.intp)
 
 
 def read_table(
