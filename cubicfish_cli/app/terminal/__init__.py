@@ -5,7 +5,7 @@
 OpenCV and the rest inside its functions, so that help and usage errors answer at once;
 `tests/commands/test_main.py` holds that.
 
-A module of `commands/` is one command: the record of its options (`record` in `options.py`), the
+A module of `commands/` is one command: the record of its options (`record` in `parameters.py`), the
 public function that takes the record and a `Run` and returns one result, and the function that
 prints the result. `as_command` makes click's command of the three. Each option is a field of the
 record, written once with its type, its default and its help; several options may make one field
@@ -15,9 +15,9 @@ record, written once with its type, its default and its help; several options ma
 mode, or the function does where files tell the mode; `tests/commands/test_options.py` holds a table
 of all options. What does not go together is a `UsageError` of the library, and the exit code is 2.
 
-What commands share: options of many commands, and numbers with bounds, in `options.py`; lines and
-tables on stdout and stderr in `terminal.py`; figures and the table of photos in `figures.py`; the
-line of progress, and the folder of what is kept from one run to the next, in `progress.py`.
+What commands share: options of many commands, and numbers with bounds, in `parameters.py`; lines
+and tables on stdout and stderr in `terminal.py`; figures and the table of photos in `figures.py`;
+the line of progress, and the folder of what is kept from one run to the next, in `progress.py`.
 
 `refuse_existing` refuses names of outputs before the work, and one `write_files` (`core/files.py`)
 writes all outputs of a run. In a calibration's folder `camera.yaml` comes last: where it is, the
