@@ -113,8 +113,8 @@ def test_huge_claims_never_reach_a_decoder(tmp_path, monkeypatch, data):
 READ_ALL = """
 import resource, sys
 from pathlib import Path
-from cubicfish_cli.app.terminal.start import settle
-settle()
+from cubicfish_cli.app.terminal.start import prepare_process
+prepare_process()
 from cubicfish_cli.app import photos
 from cubicfish_cli.core.errors import PhotoError
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
