@@ -134,12 +134,13 @@ class Views:
         size = picture.shape[1], picture.shape[0]
         with MAKING:
             chosen = self.chosen(job.source, size)
-        if chosen.camera is not None and math.prod(chosen.first.size) > _MOST_KEPT:
+            maps = chosen.maps if math.prod(chosen.first.size) <= _MOST_KEPT else None
+        if maps is None:
+            assert chosen.camera is not None
             return {
                 part: render_in_bands(picture, chosen.camera, chosen.views[part], how)
                 for part in job.outputs
             }
-        maps = self.maps(job.source, size)
         return {part: remap_picture(picture, maps[part], how) for part in job.outputs}
 
 

@@ -180,7 +180,9 @@ def refined_cubic(
     weights: FloatArray | None = None,
     stiffness: float = 0.0,
 ) -> CubicFit:
-    """Refine a cubic to see rays where they are seen, the same to the last bit every time.
+    """Refine a cubic to see rays where they are seen, by least squares in pixels.
+
+    The same numbers give the same cubic to the last bit.
 
     Args:
         start: a cubic that is near.

@@ -9,6 +9,7 @@ from synthetic import lens_of_size
 from cubicfish_cli.app.photos import decode_picture, read_picture
 from cubicfish_cli.app.undistortion import batch, images
 from cubicfish_cli.app.undistortion.batch import Job, Views, write_one
+from cubicfish_cli.app.undistortion.choose import ChosenView
 from cubicfish_cli.app.undistortion.images import (
     encode_picture,
     jpeg_like,
@@ -225,5 +226,6 @@ def test_a_picture_is_the_same_some_rows_at_a_time(monkeypatch, kind, interpolat
     whole = views(job, {"": photo})[""]
     monkeypatch.setattr(images, "_BAND_PIXELS", 2000)
     monkeypatch.setattr(batch, "_MOST_KEPT", 2000)
-    monkeypatch.setattr(Views, "maps", None)  # nothing makes the whole map
-    np.testing.assert_array_equal(views(job, {"": photo})[""], whole)
+    monkeypatch.delattr(ChosenView, "maps")  # nothing makes the whole map
+    anew = Views(camera, view, interpolation)
+    np.testing.assert_array_equal(anew(job, {"": photo})[""], whole)
