@@ -27,9 +27,9 @@ from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners import detection, mosaic
 from cubicfish_cli.corners.detection.diagnose import explain_no_grids
-from cubicfish_cli.corners.detection.finder import MOST_PIXELS, find_grids
+from cubicfish_cli.corners.detection.finder import find_grids
 from cubicfish_cli.corners.detection.grids import FoundGrids, Grid, round_pixels
-from cubicfish_cli.corners.detection.partial_grids import complete_grids, is_part
+from cubicfish_cli.corners.detection.ladder import MOST_PIXELS
 
 if TYPE_CHECKING:
     from cubicfish_cli.corners.detection.markers import MarkedCorners
@@ -161,8 +161,9 @@ def detect_in_photo(
         picture = lru_cache(maxsize=1)(partial(_read_picture, photo, data))
         # What is in memory has no bytes to know it by.
         cache = cache if cache and data else GridCache()
-        key = cache.key(data)
-        grids = cache.load(key) or cache.keep(key, find_grids(picture()))
+        boards = [] if target is None else [(one.columns, one.rows) for one in target.boards]
+        key = "-".join([cache.key(data), *(f"{columns}x{rows}" for columns, rows in boards)])
+        grids = cache.load(key) or cache.keep(key, find_grids(picture(), boards))
     except PhotoError as error:
         why = make_refusal(photo.name, Code.CANNOT_BE_READ, problem=str(error))
         return PhotoDetection(grids=None, refusal=why)
@@ -170,24 +171,15 @@ def detect_in_photo(
         return PhotoDetection(grids=grids)
     detected = _detect_markers(picture, target, grids)
     width, height = grids.image_size
-    if detected.is_empty and 4 * width * height <= MOST_PIXELS:
-        name = f"{key}-close"
-        found = cache.load(name) or cache.keep(name, find_grids(picture(), closely=True))
-        closer = _detect_markers(picture, target, found, closely=True)
+    if detected.is_empty and target.has_markers and 4 * width * height <= MOST_PIXELS:
+        closer = _detect_markers(picture, target, grids, closely=True)
         detected = detected if closer.is_empty else closer
     if detected.is_empty and target.has_markers and grids.grids:
         return replace(detected, refusal=make_refusal(photo.name, Code.NO_MARKERS))
     if detected.is_empty:
         why = explain_no_grids(picture(), grids)
         return replace(detected, refusal=replace(why, severity=Severity.CARE, images=(photo.name,)))
-    if target.has_markers:
-        return detected
-    sizes = sorted({(board.columns, board.rows) for board in target.boards})
-    if not any(is_part(grid, sizes) for grid in grids.grids):
-        return detected
-    name = "-".join([key, *(f"{columns}x{rows}" for columns, rows in sizes)])
-    found = cache.load(name) or cache.keep(name, complete_grids(picture(), grids, sizes))
-    return PhotoDetection(grids=found)
+    return detected
 
 
 def _read_picture(photo: Photo, data: bytes) -> Picture:

@@ -108,17 +108,18 @@ def is_board(lattice: Lattice, cells: IntArray, found: Crossings) -> bool:
 
     Args:
         lattice: the grid.
-        cells: (N, 2) its corners in the lattice.
+        cells: (N, 2) corners of it that stand for all.
         found: the sub-pixel fits of these corners.
 
     """
-    if len(cells) < _FILLED * np.prod(np.ptp(cells, axis=0) + 1):
+    every = lattice.cells()
+    if len(every) < _FILLED * np.prod(np.ptp(every, axis=0) + 1):
         return False
     side = np.maximum(lattice.fit(cells).side, 1.0)
     blur = float(np.median(found.blur.max(1) / side))
     score = np.array(
         [
-            median_miss(lattice, cells) / MOST_MISS,
+            median_miss(lattice, every) / MOST_MISS,
             blur / USUAL_BLUR,
             np.median(_measure_unlikeness(lattice, cells)) / _CONTRAST,
             np.median(_measure_gap_scatter(found.gap, lattice.sign(cells)) / side) / _GAP,
@@ -127,17 +128,18 @@ def is_board(lattice: Lattice, cells: IntArray, found: Crossings) -> bool:
             / _PULLED_BACK,
         ]
     )
-    limit = 1 + min(1.0, max(0.0, (len(cells) - LEAST_CORNERS) / (_LARGE - LEAST_CORNERS)))
+    limit = 1 + min(1.0, max(0.0, (len(every) - LEAST_CORNERS) / (_LARGE - LEAST_CORNERS)))
     return bool((score**2).sum() < limit and blur < _MOST_BLUR)  # never where a score is NaN
 
 
 def _measure_unlikeness(lattice: Lattice, cells: IntArray) -> FloatArray:
     """How far the contrast of corners (N, 2) is from the second likest around: logarithms (N,).
 
-    From the likest, where there is one only; corners beside none are left out.
+    From the likest, where there is one only; corners beside none of these are left out.
     """
     level = np.full(np.add(lattice.known.shape, 2), np.nan)
-    level[1:-1, 1:-1][lattice.known] = np.log(np.maximum(lattice.contrast[lattice.known], 1e-6))
+    row, column = cells.T
+    level[row + 1, column + 1] = np.log(np.maximum(lattice.contrast[row, column], 1e-6))
     around = (cells + 1)[:, None] + _AROUND
     unlike = np.sort(np.abs(level[around[..., 0], around[..., 1]] - level[*(cells + 1).T, None]))
     second = np.where(np.isnan(unlike[:, 1]), unlike[:, 0], unlike[:, 1])

@@ -9,9 +9,9 @@ from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.corners.detection.accept import USUAL_BLUR, is_regular
 from cubicfish_cli.corners.detection.corners import find_corners
-from cubicfish_cli.corners.detection.finder import MOST_PIXELS
 from cubicfish_cli.corners.detection.grids import Float32Array, FoundGrids
 from cubicfish_cli.corners.detection.growth import clean
+from cubicfish_cli.corners.detection.ladder import MOST_PIXELS
 from cubicfish_cli.corners.detection.links import find_patches
 from cubicfish_cli.corners.detection.nearby import nearest
 from cubicfish_cli.corners.detection.pyramid import (

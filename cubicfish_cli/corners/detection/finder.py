@@ -1,214 +1,160 @@
-"""Photo -> grids of sub-pixel checkerboard corners."""
+"""Photo -> grids of sub-pixel checkerboard corners: a ladder of scales, from the coarse end.
 
-import copy
-from dataclasses import replace
+The photo is searched reduced (`search.py`), where a board costs least, and where what blurs or
+bleeds at full size does neither. Finer scales are searched only where pieces of small squares were
+seen, or where nothing was. Then each grid is followed to finer scales (`follow.py`).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
-from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.corners.detection.accept import (
-    hang_together,
-    is_beyond_chance,
-    is_board,
-    is_large_enough,
-)
-from cubicfish_cli.corners.detection.corners import XCorners, find_corners
-from cubicfish_cli.corners.detection.crossing import Crossings
-from cubicfish_cli.corners.detection.grids import FoundGrids, Grid
-from cubicfish_cli.corners.detection.growth import clean, grow, measure_contrast
-from cubicfish_cli.corners.detection.lattice import Lattice, window
-from cubicfish_cli.corners.detection.links import Patch, find_patches
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.corners.detection.follow import SAME, SMALL_PX, follow, in_order, size_of
+from cubicfish_cli.corners.detection.grids import FoundGrids
+from cubicfish_cli.corners.detection.ladder import Box, Ladder, join_boxes
 from cubicfish_cli.corners.detection.nearby import nearest
-from cubicfish_cli.corners.detection.pyramid import (
-    CLOSE,
-    SMALLEST_SIDE,
-    Pyramid,
-    build_pyramid,
-    enlarged,
-    reduced,
-)
-from cubicfish_cli.corners.detection.refine import (
-    measures,
-    refine_at_full_size,
-    refine_pixels,
-    whole_corners,
+from cubicfish_cli.corners.detection.pyramid import SMALLEST_SIDE, build_pyramid, enlarged, reduced
+from cubicfish_cli.corners.detection.search import (
+    NOTHING_SEEN,
+    SearchResult,
+    Seen,
+    is_beyond_chance_among,
+    search,
 )
 
-# A photo of more pixels is searched at half its size, or a quarter...
-MOST_PIXELS = 16_000_000
-# Texture has squares by the hundred. Boards have the largest pieces, so they come first; after
-# this many pieces that did not grow into a board the search is over.
-_MOST_FAILURES = 40
-# Growing again after wrong corners went: they may have stood in the way.
-_PASSES = 2
-# A grid that has grown to so many times the corners it had, and these at least, goes on growing
-# only if it would be a board and keep this share of its corners: nearly all stay of a board's.
-_GROWN, _GROWN_LEAST, _KEPT_SHARE = 2, 64, 0.25
-# A crossing looks like a grid's when its radius is this share of a side, or as large as rings
-# surely are, and it has this share of the contrast.
-_LIKE_SHARE, _FAR_PX, _LIKE_CONTRAST = 0.3, 10.0, 0.5
+# A piece of a board is searched for this far around: times its own extent, squares at least.
+_AROUND, _LEAST_AROUND = 1.0, 8
+# A grid is another one when it has fewer of its corners in common with those that are known.
+_MOST_SHARED = 0.5
+# A part of a board that has this share of its corners shows that it was seen: what else of it there
+# is lies beside.
+_GOOD_PART = 0.25
 
 
-def find_grids(image: npt.NDArray[np.generic], *, closely: bool = False) -> FoundGrids:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Found:
+    """A grid with the zoom at which it was seen."""
+
+    seen: Seen
+    zoom: float
+
+    def pixel(self) -> FloatArray:
+        """Its corners (N, 2), pixels of the photo."""
+        lattice = self.seen.lattice
+        return enlarged(lattice.at(lattice.cells()), self.zoom)
+
+
+def find_grids(
+    image: npt.NDArray[np.generic], boards: Sequence[tuple[int, int]] = ()
+) -> FoundGrids:
     """Find all checkerboard grids, whole or in part, in a grey photo.
 
     Boards may be cut by the photo's border, the image circle or each other, bent by a fisheye
-    lens beyond 180 degrees, dim or bright. Squares may be 6 px small, in a photo of more than
-    MOST_PIXELS 6 px of the reduced photo that it is searched in; corners are then refined in
-    the photo itself. Memory beyond the photo's own stays under 1 GB.
+    lens beyond 180 degrees, dim or bright, blurred, or burnt so that dark squares no longer touch.
+    Squares may be 6 px small, and 4 px where nothing else is seen, in a photo of more than
+    :data:`~.ladder.MOST_PIXELS` of the reduced photo that is searched. Memory beyond the photo's
+    own stays under 1 GB.
 
     Args:
         image: (H, W) grey levels, uint8, uint16 or float.
-        closely: search a photo of at most MOST_PIXELS / 4 at twice its size, for squares half as
-            small.
+        boards: (columns, rows) of the inner corners of each board that may be there. Once all are
+            seen, finer scales are not searched for more.
 
     """
     height, width = image.shape
     size = (width, height)
     if min(height, width) < SMALLEST_SIDE:
         return FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=size)
-    zoom = CLOSE if closely else 1.0
-    while height * width > MOST_PIXELS * zoom * zoom:
-        zoom *= 2
-    pyramid = build_pyramid(reduced(image, zoom))
-    lattices, refused = _search(pyramid)
-    grids = [_make_grid(lattice, image, pyramid, zoom) for lattice in lattices]
-    grids.sort(key=lambda grid: -len(grid))
-    return FoundGrids(grids=tuple(grids), refused=enlarged(refused, zoom), image_size=size)
+    ladder = Ladder(image=image)
+    sizes = [in_order(board) for board in boards]
+    found, refused = _search_scales(ladder, sizes)
+    followed = (follow(ladder, one.seen, one.zoom, sizes) for one in found)
+    grids = sorted((grid for grid in followed if grid is not None), key=lambda grid: -len(grid))
+    return FoundGrids(grids=tuple(grids), refused=refused, image_size=size)
 
 
-def _search(pyramid: Pyramid) -> tuple[list[Lattice], FloatArray]:
-    """All grids in the pyramid, and the corners that belong to none."""
-    corners = find_corners(pyramid)
-    grid = np.full(len(corners.pixel), -1)  # which each corner is part of
-    candidates = cKDTree(corners.pixel)
-    lattices: list[Lattice] = []
-    failures = 0
-    for patch in find_patches(pyramid, corners):
-        if len(patch.corner) < 4 or (grid[patch.corner] >= 0).any():
-            continue
-        lattice = _grow_patch(pyramid, corners, patch, candidates)
-        if lattice is None:
-            failures += 1
-            if failures == _MOST_FAILURES:
-                break
-            continue
-        cells = lattice.cells()
-        taken = _find_taken(corners.pixel, lattice.at(cells), lattice.fit(cells).side)
-        grid[taken & (grid < 0)] = len(lattices)
-        candidates = cKDTree(corners.pixel[grid < 0])
-        lattices.append(lattice)
-    kept = [
-        k for k, lattice in enumerate(lattices) if _is_beyond_chance(lattice, corners, grid < 0)
-    ]
-    return [lattices[k] for k in kept], corners.pixel[~np.isin(grid, kept)]
-
-
-def _is_beyond_chance(lattice: Lattice, corners: XCorners, free: BoolArray) -> bool:
-    """Judge a grid by what crossings like its own there are that no grid explains."""
-    cells = lattice.cells()
-    least_radius = min(_LIKE_SHARE * float(np.median(lattice.fit(cells).side)), _FAR_PX)
-    # A large square holds many candidates besides its corner, weak ones of noise.
-    _, own = nearest(lattice.at(cells), corners.pixel, 1)
-    contrast = _LIKE_CONTRAST * float(np.median(corners.contrast[own[:, 0]]))
-    like = free & (corners.radius >= least_radius) & (corners.contrast >= contrast)
-    return is_beyond_chance(len(cells), int(like.sum()))
-
-
-def _grow_patch(
-    pyramid: Pyramid, corners: XCorners, patch: Patch, candidates: cKDTree
-) -> Lattice | None:
-    """Grow a patch into a grid; None when it turns out not to be a board."""
-    lattice = patch.lattice(corners)
-    measure_contrast(pyramid, lattice)
-    for _ in range(_PASSES):
-        clean(lattice)
-        if lattice.known.sum() < 4:
-            return None
-        before = lattice.known.sum()
-        while grow(pyramid, lattice, candidates, max(_GROWN_LEAST, _GROWN * lattice.known.sum())):
-            if not _is_board_so_far(pyramid, lattice):
-                return None
-        clean(lattice)
-        if not is_large_enough(lattice):
-            return None
-        grown = lattice.known.sum() > before
-        found, dropped = refine_and_verify(pyramid, lattice)
-        if not is_large_enough(lattice):
-            return None
-        if not (grown and dropped):
+def _search_scales(
+    ladder: Ladder, sizes: Sequence[tuple[int, int]]
+) -> tuple[list[_Found], FloatArray]:
+    """Grids, each at the coarsest scale that shows it, and candidates (N, 2) of none, pixels."""
+    zoom: float = ladder.coarsest
+    result = search(ladder.at(zoom))
+    if not result.grids and ladder.is_possible(2 * zoom):
+        coarser = search(ladder.at(2 * zoom))
+        # Chance had a try for each crossing that the finer scale shows.
+        kept = [one for one in coarser.grids if _is_beyond_chance(one, 2.0, result)]
+        if kept:
+            zoom, result = 2 * zoom, replace(coarser, grids=kept)
+    found = [_Found(seen=seen, zoom=zoom) for seen in result.grids]
+    refused = enlarged(result.refused.pixel, zoom)
+    boxes = _choose_boxes(ladder, [result], zoom)
+    for finer in ladder.finer(zoom):
+        if _are_all_seen(found, sizes):
             break
-    return lattice if _is_board_at_last(lattice, found) else None
+        results = [_search_box(ladder, box, finer) for box in boxes if found]
+        if not found:
+            results = [search(ladder.at(finer))]
+            refused = enlarged(results[0].refused.pixel, finer)
+        for part in results:
+            likely = [one for one in part.grids if _is_beyond_chance(one, finer / zoom, result)]
+            found += _find_new(found, [_Found(seen=seen, zoom=finer) for seen in likely])
+        boxes = _choose_boxes(ladder, results, finer)
+    return found, refused
 
 
-def _is_board_so_far(pyramid: Pyramid, lattice: Lattice) -> bool:
-    """Judge what still grows: over dots it would grow on and on."""
-    trial = copy.deepcopy(lattice)
-    clean(trial)
-    found, _ = refine_and_verify(pyramid, trial)
-    stays = trial.known.sum() >= _KEPT_SHARE * lattice.known.sum()
-    return bool(stays) and is_large_enough(trial) and _is_board_at_last(trial, found)
+def _search_box(ladder: Ladder, box: Box, zoom: float) -> SearchResult:
+    """What a part of a photo shows, in pixels of the whole photo at a zoom."""
+    step = max(1, int(zoom))
+    left, top = box.left // step * step, box.top // step * step
+    small = reduced(ladder.image[top : box.bottom, left : box.right], zoom)
+    if min(small.shape) < SMALLEST_SIDE:
+        return NOTHING_SEEN
+    result = search(build_pyramid(small))
+    return result.moved(np.array([left, top]) / zoom)
 
 
-def _is_board_at_last(lattice: Lattice, found: Crossings) -> bool:
-    """Drop corners that hang on a single link, and judge the rest."""
-    cells = lattice.cells()
-    connected = hang_together(lattice.known)[cells[:, 0], cells[:, 1]]
-    lattice.drop(cells[~connected])
-    return is_board(lattice, cells[connected], found.select(connected))
+def _is_beyond_chance(seen: Seen, zoom: float, everywhere: SearchResult) -> bool:
+    """Judge a grid that a part or a reduced photo shows by what the whole photo shows besides."""
+    return is_beyond_chance_among(seen.lattice, everywhere.refused, zoom)
 
 
-def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, int]:
-    """Move corners to their sub-pixel positions and drop those that fail a test.
-
-    Returns the fits of the corners that stay, in the order of the cells, and how many went.
-    """
-    lattice.make_room()
-    cells = lattice.cells()
-    fit = lattice.fit(cells)
-    pixel = lattice.at(cells)
-    found = refine_pixels(pyramid, pixel, fit)
-    sign = lattice.sign(cells)
-    lattice.put(cells, found.pixel, found.contrast(sign))
-    around = _take_median_around(measures(found, sign), lattice, cells)
-    moved = np.hypot(*(found.pixel - pixel).T)
-    good = whole_corners(found, sign, fit.side, moved, around, pyramid.noise)
-    lattice.drop(cells[~good])
-    clean(lattice)
-    kept = lattice.known[cells[:, 0], cells[:, 1]]
-    return found.select(kept), int((~kept).sum())
+def _choose_boxes(ladder: Ladder, results: Sequence[SearchResult], zoom: float) -> list[Box]:
+    """Where searches at a zoom saw pieces of squares too small to be sure of."""
+    boxes = []
+    for piece in [piece for result in results for piece in result.pieces]:
+        side = float(np.median(nearest(piece, piece, 2)[0][:, 1]))
+        if side < SMALL_PX:
+            margin = max(_AROUND * float(np.ptp(piece, axis=0).max()), _LEAST_AROUND * side)
+            boxes.append(Box.around(enlarged(piece, zoom), zoom * margin, ladder.image.shape))
+    return join_boxes(boxes)
 
 
-def _take_median_around(values: FloatArray, lattice: Lattice, cells: IntArray) -> FloatArray:
-    """Medians (N, K) over the known corners of the 5x5 cells around, of (N, K) values of cells."""
-    every = np.full((*lattice.known.shape, values.shape[1]), np.inf)
-    every[cells[:, 0], cells[:, 1]] = values
-    around = cells[:, None] + window(2)
-    inorder = np.sort(every[around[..., 0], around[..., 1]], axis=1)
-    count = np.isfinite(inorder[..., :1]).sum(1, keepdims=True)
-    low = np.take_along_axis(inorder, (count - 1) // 2, axis=1)
-    return 0.5 * (low + np.take_along_axis(inorder, count // 2, axis=1))[:, 0]
+def _find_new(found: Sequence[_Found], more: Sequence[_Found]) -> list[_Found]:
+    """Those of some grids that are not found yet."""
+    if not found:
+        return list(more)
+    known = np.concatenate([one.pixel() for one in found])
+    new = []
+    for one in more:
+        lattice = one.seen.lattice
+        side = one.zoom * lattice.fit(lattice.cells()).side
+        if (nearest(one.pixel(), known, 1)[0][:, 0] < SAME * side).mean() < _MOST_SHARED:
+            new.append(one)
+    return new
 
 
-def _find_taken(points: FloatArray, pixel: FloatArray, side: FloatArray) -> BoolArray:
-    if not len(points):
-        return np.zeros(0, bool)
-    distance, index = nearest(points, pixel, 1)
-    return distance[:, 0] < 0.3 * side[index[:, 0]]
-
-
-def _make_grid(
-    lattice: Lattice, image: npt.NDArray[np.generic], pyramid: Pyramid, zoom: float
-) -> Grid:
-    lattice.make_room()
-    if zoom != 1:
-        cells = lattice.cells()
-        lattice.pixel = enlarged(lattice.pixel, zoom)
-        found = refine_at_full_size(
-            image, lattice.at(cells), lattice.fit(cells), zoom, pyramid.noise / pyramid.gain
-        )
-        lattice.put(cells, found, lattice.contrast[cells[:, 0], cells[:, 1]])
-    grid = lattice.as_grid()
-    return replace(grid, contrast=grid.contrast / pyramid.gain)
+def _are_all_seen(found: Sequence[_Found], sizes: Sequence[tuple[int, int]]) -> bool:
+    """Whether some boards are among the grids: all corners of each, or a good part of as many."""
+    if not sizes:
+        return False
+    seen = (size_of(one.seen.lattice) for one in found)
+    whole = Counter(size for size in seen if size is not None)
+    least = _GOOD_PART * min(columns * rows for columns, rows in sizes)
+    parts = sum(int(one.seen.lattice.known.sum()) >= least for one in found)
+    return parts >= len(sizes) or not Counter(sizes) - whole

@@ -1,6 +1,10 @@
 """Grey photo -> float image pyramid with an estimate of its noise, and sampling from it."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import overload
 
 import cv2
 import numpy as np
@@ -18,8 +22,45 @@ SMOOTHING = 0.5
 # Zoom of a second search at twice the photo's size: windows and rings that cannot be smaller than
 # some pixels then fit into squares, margins of markers and modules half as large.
 CLOSE = 0.5
+# Noise is estimated from about so many places: to half a percent.
+_NOISE_SAMPLES = 60_000
 # cv2.remap takes no more rows than fit a short.
 _MOST_ROWS = 30_000
+
+
+class Levels(Sequence[Float32Array]):
+    """The images of a pyramid, each made when it is first looked at."""
+
+    def __init__(self, image: Float32Array) -> None:
+        """Take a float32 image (H, W); halvings stop as :func:`build_pyramid` says."""
+        side, self._count = min(image.shape), 1
+        while self._count <= _MOST_HALVINGS and side >= 2 * SMALLEST_SIDE:
+            side, self._count = (side + 1) // 2, self._count + 1
+        self._halves = [image]
+        self._smoothed: Float32Array | None = None
+
+    def __len__(self) -> int:
+        """Return how many there are, made or not."""
+        return self._count
+
+    @overload
+    def __getitem__(self, index: int) -> Float32Array: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Float32Array, ...]: ...
+    def __getitem__(self, index: int | slice) -> Float32Array | tuple[Float32Array, ...]:
+        """Return an image, and make it where it is not there yet."""
+        if isinstance(index, slice):
+            return tuple(self[k] for k in range(*index.indices(self._count)))
+        if not 0 <= index < self._count:
+            raise IndexError(index)
+        if index == 0:
+            if self._smoothed is None:
+                smooth = cv2.GaussianBlur(self._halves[0], (5, 5), SMOOTHING)
+                self._smoothed = np.asarray(smooth, np.float32)
+            return self._smoothed
+        while len(self._halves) <= index:
+            self._halves.append(np.asarray(cv2.pyrDown(self._halves[-1]), np.float32))
+        return self._halves[index]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,7 +75,7 @@ class Pyramid:
 
     """
 
-    levels: tuple[Float32Array, ...]
+    levels: Sequence[Float32Array]
     noise: float
     gain: float
 
@@ -97,10 +138,14 @@ def estimate_noise(image: Float32Array) -> float:
     """
     if min(image.shape) < 3:
         return 0.0
-    kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
-    filtered = np.abs(cv2.filter2D(image, -1, kernel))[1:-1, 1:-1]
-    every = max(1, int(np.sqrt(filtered.size / 250_000)))
-    sampled = filtered[::every, ::every]
+    every = max(1, int(np.sqrt(image.size / _NOISE_SAMPLES)))
+    height, width = image.shape
+    filtered = np.zeros(image[1 : height - 1 : every, 1 : width - 1 : every].shape, np.float32)
+    for y, down in enumerate((1, -2, 1)):
+        for x, across in enumerate((1, -2, 1)):
+            part = image[y : height - 2 + y : every, x : width - 2 + x : every]
+            filtered += np.float32(down * across) * part
+    sampled = np.abs(filtered)
     counted = sampled[sampled > 0]
     if counted.size < 0.05 * sampled.size:
         return 0.0
@@ -125,12 +170,7 @@ def build_pyramid(grey: npt.NDArray[np.generic]) -> Pyramid:
     quantum = gain if np.issubdtype(grey.dtype, np.integer) else gain * (high - low) / 65_535
     # Rounding to whole grey levels is noise of 1/sqrt(12) of a level; 0.5 to be on the safe side.
     noise = max(estimate_noise(image), 0.5 * quantum)
-    levels = [np.asarray(cv2.GaussianBlur(image, (5, 5), SMOOTHING), np.float32)]
-    half = image
-    while len(levels) <= _MOST_HALVINGS and min(half.shape) >= 2 * SMALLEST_SIDE:
-        half = np.asarray(cv2.pyrDown(half), np.float32)
-        levels.append(half)
-    return Pyramid(levels=tuple(levels), noise=noise, gain=gain)
+    return Pyramid(levels=Levels(image), noise=noise, gain=gain)
 
 
 def reduced(image: npt.NDArray[np.generic], zoom: float) -> npt.NDArray[np.generic]:

@@ -37,7 +37,7 @@ _MOST_SPREAD = 0.05  # predicted standard deviation, of the side
 # a spread under a tenth of a pixel are as good as it says, whatever is next to them.
 _SPREAD, _HARMLESS, _TRUE_TO = 3.5, 0.1, 0.0125  # times that around, px, of the side
 # Half-size of the window, pixels.
-_SMALLEST_HALF, _USUAL_HALF, _LARGEST_HALF = 3.0, 5.0, 12.0
+_SMALLEST_HALF, USUAL_HALF, LARGEST_HALF = 3.0, 5.0, 12.0
 _OF_SIDE, _OF_BLUR, _OF_GAP = 0.4, 3.5, 1.0
 # Corners whose gaps should be alike, and how alike at least, pixels.
 _AROUND, _GAP_SPREAD = 7, 0.15
@@ -81,6 +81,13 @@ def measures(found: Crossings, sign: IntArray) -> FloatArray:
     return np.stack([found.contrast(sign), found.blur.max(1), found.spread], axis=-1)
 
 
+def find_start(pyramid: Pyramid, pixel: FloatArray, side: FloatArray) -> FloatArray:
+    """Move corners (N, 2) of squares of sides (N,) to saddle points, where there are any."""
+    half, travel = np.clip(0.2 * side, 2.0, 2.5), np.maximum(1.5, 0.1 * side)
+    saddle, ok = fit_saddles(pyramid.levels[0], pixel, half, travel)
+    return np.where(ok[:, None], saddle, pixel)
+
+
 def refine_pixels(
     pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, quiet: Quiet | None = None
 ) -> Crossings:
@@ -89,11 +96,13 @@ def refine_pixels(
     A saddle fit brings the start to within a fraction of a pixel, two crossing edges are then
     fitted to the pixels, as far as these are ``quiet``.
     """
-    saddle, ok = fit_saddles(
-        pyramid.levels[0], pixel, np.clip(0.2 * fit.side, 2.0, 2.5), np.maximum(1.5, 0.1 * fit.side)
-    )
-    start = np.where(ok[:, None], saddle, pixel)
-    return _cross(pyramid.levels[0], start, fit, pyramid.noise, _LARGEST_HALF, quiet)
+    start = find_start(pyramid, pixel, fit.side)
+    return _cross(pyramid.levels[0], start, fit, pyramid.noise, LARGEST_HALF, quiet)
+
+
+def least_window(found: Crossings) -> FloatArray:
+    """Half-size (N,) that the window around each corner needs to reach beyond its blur and gap."""
+    return np.asarray(_OF_BLUR * found.blur.max(1) + _OF_GAP * np.abs(found.gap))
 
 
 def _cross(
@@ -104,14 +113,13 @@ def _cross(
     largest: float,
     quiet: Quiet | None = None,
 ) -> Crossings:
-    half = np.clip(_OF_SIDE * fit.side, _SMALLEST_HALF, _USUAL_HALF)
+    half = np.clip(_OF_SIDE * fit.side, _SMALLEST_HALF, USUAL_HALF)
     # Of the windows as they are when it is called.
     crossings = partial(fit_crossings, image, start, fit, half, noise, quiet=quiet)
     found = crossings()
     for _ in range(3):
         # A window within the blur, or the gap, sees no more than a slope.
-        need = _OF_BLUR * found.blur.max(1) + _OF_GAP * np.abs(found.gap)
-        wider = np.clip(need, half, largest)
+        wider = np.clip(least_window(found), half, largest)
         wider = np.minimum(wider, np.maximum(_OF_SIDE * fit.side, half))
         rows = np.nonzero(wider > half + 0.5)[0]
         if not len(rows):
@@ -188,7 +196,7 @@ def refine_at_full_size(
         (N, 2) refined pixels; the given ones where the photo shows nothing better.
 
     """
-    found = _cross(image, pixel, fit, noise * zoom, _LARGEST_HALF * max(zoom, 1.0))
+    found = _cross(image, pixel, fit, noise * zoom, LARGEST_HALF * max(zoom, 1.0))
     near = found.ok & (np.hypot(*(found.pixel - pixel).T) < zoom)
     near &= found.spread < _MOST_SPREAD * fit.side
     return np.where(near[:, None], found.pixel, pixel)

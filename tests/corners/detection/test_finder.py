@@ -11,10 +11,11 @@ from synthetic import box_of_four, lens_of_size
 from cubicfish_cli.app.viewpoints.truth import project_corners
 from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.target import load_target
-from cubicfish_cli.corners.detection import finder
+from cubicfish_cli.corners.detection import ladder, search
 from cubicfish_cli.corners.detection.accept import is_large_enough
 from cubicfish_cli.corners.detection.diagnose import explain_no_grids
 from cubicfish_cli.corners.detection.finder import find_grids
+from cubicfish_cli.corners.detection.grids import FoundGrids
 from cubicfish_cli.corners.detection.growth import measure_contrast
 from cubicfish_cli.corners.detection.lattice import Lattice
 from cubicfish_cli.corners.detection.pyramid import build_pyramid
@@ -196,7 +197,7 @@ def test_the_same_photo_gives_the_same_grids(box):
 @pytest.mark.slow
 def test_a_large_photo_is_searched_reduced_and_refined_at_full_size(monkeypatch):
     image, truth = photo(1.0, supersample=2)
-    monkeypatch.setattr(finder, "MOST_PIXELS", image.size // 2)
+    monkeypatch.setattr(ladder, "MOST_PIXELS", image.size // 2)
     found = find_grids(image)
     assert found.image_size == (image.shape[1], image.shape[0])
     assert_one_board_each(found, truth)
@@ -249,13 +250,13 @@ def test_growth_over_dots_ends_early(monkeypatch):
         cv2.circle(photo, (x, y), 2, 30, -1, cv2.LINE_AA)
     photo = cv2.warpAffine(photo, cv2.getRotationMatrix2D((320, 240), 6, 1.3), (640, 480))
     corners = []
-    refine = finder.refine_and_verify
+    refine = search.verify
 
-    def counted(pyramid, lattice):
-        corners.append(int(lattice.known.sum()))
-        return refine(pyramid, lattice)
+    def counted(pyramid, lattice, cells):
+        corners.append(len(cells))
+        return refine(pyramid, lattice, cells)
 
-    monkeypatch.setattr(finder, "refine_and_verify", counted)
+    monkeypatch.setattr(search, "verify", counted)
     assert find_grids(photo).grids == ()
     assert len(corners) > 5
     assert sum(corners) < 10_000
@@ -287,7 +288,7 @@ def test_the_explanation_names_the_cause(box):
     assert explained(np.full((100, 100), 80, np.uint8)).code is Code.NO_PATTERN
     assert explained(image[:10, :10]).code is Code.PHOTO_TOO_SMALL
     assert explained(cv2.GaussianBlur(image, (0, 0), 8)).code is Code.BLURRED
-    refused = finder.FoundGrids(grids=(), refused=np.zeros((3, 2)), image_size=(576, 432))
+    refused = FoundGrids(grids=(), refused=np.zeros((3, 2)), image_size=(576, 432))
     assert explain_no_grids(image, refused).code is Code.NO_CHECKERBOARD
 
 

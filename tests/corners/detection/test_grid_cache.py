@@ -89,7 +89,7 @@ def test_unchanged_photos_are_not_searched_again(cache, tmp_path, monkeypatch):
         shutil.copy(SAMPLE / "photos" / name, folder / name)
     searched = []
     search = photo_detection.find_grids
-    monkeypatch.setattr(photo_detection, "find_grids", lambda p: searched.append(1) or search(p))
+    monkeypatch.setattr(photo_detection, "find_grids", lambda *p: searched.append(1) or search(*p))
     first = first_pass(find_photos([folder]), [TARGET], Work(jobs=1), cache.folder)
     assert len(searched) == 2
     (folder / "corner_03.jpg").rename(folder / "renamed.jpg")
