@@ -111,9 +111,9 @@ def _sample_diagonals(
     offset = (_QUADRANTS[:, None, :] * along[None, :, None]).reshape(-1, 2).T
     points = fit.columns_at(away * offset[:, :, None])
     points += (pixel - fit.pixel).T[:, None]
-    level = pyramid.sample_columns(points, fit.side).reshape(4, -1, len(pixel))
-    # Bright ones are even.
-    level = np.asarray(np.where(sign > 0, level, level[[1, 2, 3, 0]]).T, np.float64)
+    level = pyramid.sample_columns(points, fit.side).astype(np.float64)
+    level = level.reshape(4, len(along), len(pixel))
+    level = np.where(sign > 0, level, level[[1, 2, 3, 0]]).T  # (N, K, 4), bright ones are even
     return Quadrants(bright=level[..., 0::2].swapaxes(1, 2), dark=level[..., 1::2].swapaxes(1, 2))
 
 

@@ -59,7 +59,7 @@ class Pyramid:
 
         Returns (N, ...).
         """
-        places = np.moveaxis(points.reshape(len(points), -1, 2), -1, 0).swapaxes(1, 2)
+        places = points.reshape(len(points), int(np.prod(points.shape[1:-1])), 2).T
         return self.sample_columns(places, step).T.reshape(points.shape[:-1])
 
     def sample_columns(self, points: FloatArray, step: FloatArray) -> Float32Array:
