@@ -3,13 +3,11 @@
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.core.types import BoolArray, FloatArray
+from cubicfish_cli.corners.detection.windows import group_windows
 
 _ITERATIONS = 8
 _CONVERGED = 0.02  # px: the crossing fit starts from here and does the rest
-# Windows of these radii serve the smaller ones up to them too: a window that is half as large again
-# costs less than calls of its own. That holds for all windows where points are as few as these.
-_RADII, _FEW = (3, 4, 6, 9, 13), 64
 
 
 def fit_saddles(
@@ -49,8 +47,8 @@ def fit_saddles(
     within = np.array([[0], [0], [width - 1], [height - 1]]) if limits is None else limits.T
     state[_LOW], state[_HIGH] = within[:2] + radius, within[2:] - radius
     largest = (min(height, width) - 1) // 2
-    for size, rows in _group(np.minimum(radius, largest).astype(int)):
-        result[rows], ok[rows] = _fit(image, state[:, rows], min(size, largest))
+    for size, rows in group_windows(np.minimum(radius, largest).astype(int)):
+        result[rows], ok[rows] = _fit(image, state[:, rows], size)
     return result, ok
 
 
@@ -58,14 +56,6 @@ def fit_saddles(
 # far the estimate may go, and the smallest and the largest places of the window's middle pixel.
 _AT, _START, _HALF, _TRAVEL = slice(0, 2), slice(2, 4), 4, 5
 _LOW, _HIGH = slice(6, 8), slice(8, 10)
-
-
-def _group(radius: IntArray) -> list[tuple[int, IntArray]]:
-    """The radii of windows that points (N,) of these radii are fitted in, and which are in each."""
-    if len(radius) <= _FEW:
-        return [(int(radius.max(initial=0)), np.arange(len(radius)))]
-    size = np.maximum(radius, np.append(_RADII, 0)[np.searchsorted(_RADII, radius)])
-    return [(int(one), np.flatnonzero(size == one)) for one in np.unique(size)]
 
 
 def _fit(
