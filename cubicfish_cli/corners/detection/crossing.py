@@ -19,6 +19,7 @@ import numpy.typing as npt
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import Float32Array, Rows
 from cubicfish_cli.corners.detection.lattice import LocalFit
+from cubicfish_cli.corners.detection.windows import group_windows
 
 _ROUNDS = 12
 _CONVERGED = 2e-3  # px: the last step of a fit that is done; steps shrink tenfold near the end
@@ -157,11 +158,15 @@ def fit_crossings(
     centre, half_width = np.rint(out.pixel).astype(int), np.ceil(half).astype(int)
     inside = (centre >= half_width[:, None]).all(1) & fit.sound
     inside &= (centre < (width, height) - half_width[:, None]).all(1)
+    reach = half.copy()  # of the round windows, but for one pixel: alike for those of one size
     for radius in np.unique(half_width[inside]):
-        some = np.flatnonzero(inside & (half_width == radius))
+        reach[half_width == radius] = half[inside & (half_width == radius)].max()
+    fitted = np.flatnonzero(inside)
+    for radius, group in group_windows(half_width[fitted]):
+        some = fitted[group]
         local, within = fit.select(some), None if quiet is None else quiet.select(some)
-        start, middle = out.pixel[some], centre[some]
-        frame = _make_frame(image, start, middle, local, half[some], int(radius), within)
+        sizes = np.stack([half[some], reach[some]])
+        frame = _make_frame(image, out.pixel[some], centre[some], local, sizes, radius, within)
         state = _minimise(frame, noise, gap.select(some))
         _enter(out, some, local, state, noise)
     return out
@@ -210,15 +215,21 @@ def _make_frame(
     start: FloatArray,
     centre: IntArray,
     fit: LocalFit,
-    half: FloatArray,
+    sizes: FloatArray,
     radius: int,
     quiet: Quiet | None,
 ) -> _Frame:
+    """The windows of corners of some half-sizes, which reach so far: two rows of ``sizes``."""
+    half, reach = sizes
     side = np.arange(-radius, radius + 1)
     offset = np.stack(np.meshgrid(side, side)).reshape(2, -1)
     # Corners of the square window lie beyond the round one.
-    offset = offset[:, (offset**2).sum(0) <= (half.max() + 1) ** 2]
-    value = image[centre[:, 1:] + offset[1], centre[:, :1] + offset[0]].astype(float)
+    away = (offset**2).sum(0)
+    keep = away <= (reach.max() + 1) ** 2
+    offset, away = offset[:, keep], away[keep]
+    height, width = image.shape
+    row = np.clip(centre[:, 1:] + offset[1], 0, height - 1)
+    value = image[row, np.clip(centre[:, :1] + offset[0], 0, width - 1)].astype(float)
     apart = offset + (centre - start)[:, :, None]
     inverse = np.linalg.inv(fit.step)
     cell = inverse @ apart
@@ -226,17 +237,18 @@ def _make_frame(
         di, dj = cell[:, 0], cell[:, 1]
         bent = np.stack([0.5 * di * di, di * dj, 0.5 * dj * dj], 1)
         cell = inverse @ (apart - fit.bend @ bent)
-    length, height = _measure_sides(fit)
+    length, apart_px = _measure_sides(fit)
     weight = np.clip(2 - 2 * (apart**2).sum(1) / (half[:, None] + 0.5) ** 2, 0, 1)
+    weight[away > (reach[:, None] + 1) ** 2] = 0
     weight *= np.clip((_WITHIN - np.abs(cell).max(1)) / _FADE, 0, 1)
     if quiet is not None:
         bright = quiet.sign[:, None] * cell[:, 0] * cell[:, 1] > 0
-        left = ((quiet.steps[:, None, None] - np.abs(cell)) * height[:, :, None]).max(1)  # px
+        left = ((quiet.steps[:, None, None] - np.abs(cell)) * apart_px[:, :, None]).max(1)  # px
         weight *= np.where(bright, np.clip(left + 0.5, 0, 1), 1)
     weight = np.sqrt(weight)
     return _Frame(
         value=(value * weight).astype(np.float32),
-        across=(cell * height[:, :, None]).astype(np.float32),
+        across=(cell * apart_px[:, :, None]).astype(np.float32),
         along=(cell * length[:, :, None])[:, ::-1].astype(np.float32),
         weight=weight.astype(np.float32),
     )
@@ -267,8 +279,8 @@ def _measure_sides(fit: LocalFit) -> tuple[FloatArray, FloatArray]:
     return length, area[:, None] / length[:, ::-1]
 
 
-@dataclass(kw_only=True, eq=False)
-class _State:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _State(Rows):
     """Best fit so far of n corners."""
 
     shape: FloatArray  # (n, 7) shift u, v (px), turn u, v (radians), log blur u, v, half gap (px)
@@ -278,9 +290,27 @@ class _State:
     data: (
         FloatArray  # (n, 7, 7) the pixels' part of the normal equations, for noise of 1 grey level
     )
-    normal: FloatArray  # (n, 7, 7)
-    right: FloatArray  # (n, 7)
+    right: FloatArray  # (n, 7) the same
     last_move: FloatArray  # (n,) px
+
+    def put(self, rows: IntArray | BoolArray, other: _State) -> None:
+        """Put the fits of some rows in their place."""
+        for one in fields(self):
+            getattr(self, one.name)[rows] = getattr(other, one.name)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Task(Rows):
+    """What is fitted to at n corners, beside the pixels, and how."""
+
+    mean: FloatArray  # (n, 7) of the prior
+    spread: FloatArray  # (n, 7)
+    dark_first: BoolArray  # (n,)
+    freedom: FloatArray  # (n,) pixels, less what is fitted
+    # The spread of the levels keeps the weight of the prior in scale before the fit is good.
+    sigma2: FloatArray  # (n,)
+    damping: FloatArray  # (n,)
+    trial: FloatArray  # (n, 7) the next shape to try
 
 
 def _minimise(frame: _Frame, noise: float, gap: Gaps) -> _State:
@@ -294,52 +324,65 @@ def _minimise(frame: _Frame, noise: float, gap: Gaps) -> _State:
         cost=np.full(count, np.inf),
         misfit=np.zeros(count),
         data=np.zeros((count, _UNKNOWNS, _UNKNOWNS)),
-        normal=np.tile(np.eye(_UNKNOWNS), (count, 1, 1)),
         right=np.zeros((count, _UNKNOWNS)),
         last_move=np.full(count, np.inf),
     )
-    # The spread of the levels keeps the weight of the prior in scale before the fit is good.
-    sigma2 = np.full(count, noise**2)
-    damping = np.full(count, 1e-3)
-    active = np.arange(count)
-    trial = state.shape.copy()
-    dark_first = _is_dark_first(frame)
-    freedom = np.maximum((frame.weight**2).sum(1) - 11, 1)
+    task = _Task(
+        mean=mean,
+        spread=spread,
+        dark_first=_is_dark_first(frame),
+        freedom=np.maximum((frame.weight**2).sum(1) - 11, 1),
+        sigma2=np.full(count, noise**2),
+        damping=np.full(count, 1e-3),
+        trial=mean.copy(),
+    )
+    active, done = np.arange(count), state
     for round_ in range(_ROUNDS):
-        levels, squares, data, right = _fit_levels(trial[active], dark_first[active], frame)
-        misfit2 = squares / freedom[active]
-        if round_ in (1, 4):  # the misfit tells by now how well the model can do
-            sigma2[active] = np.maximum(misfit2, noise**2)
-            state.cost[active] = np.inf
-        away = (mean[active] - trial[active]) / spread[active]
-        cost = squares / sigma2[active] + (away**2).sum(1)
-        better = cost < state.cost[active]
-        rows = active[better]
-        state.shape[rows] = trial[rows]
-        state.levels[rows] = levels[better]
-        state.cost[rows] = cost[better]
-        state.misfit[rows] = np.sqrt(misfit2[better])
-        state.data[rows] = data[better]
-        state.normal[rows] = state.data[rows] / sigma2[rows, None, None]
-        state.normal[rows] += spread[rows, :, None] ** -2.0 * np.eye(_UNKNOWNS)
-        state.right[rows] = right[better] / sigma2[rows, None]
-        state.right[rows] += away[better] / spread[rows]
-        now = damping[active]
-        damping[active] = np.where(better, np.maximum(0.2 * now, 1e-4), np.maximum(10 * now, 0.3))
-
-        normal = state.normal[active]
-        damped = normal + damping[active, None, None] * normal * np.eye(_UNKNOWNS)
-        move = np.linalg.solve(damped, state.right[active][..., None])[..., 0]
-        move = np.clip(move, -_LONGEST_STEP, _LONGEST_STEP)
-        trial[active] = state.shape[active] + move
-        state.last_move[active] = np.abs(move[:, :2]).max(1)
-        going = state.last_move[active] > _CONVERGED
-        going |= np.abs(move[:, 4:6]).max(1) > _BLUR_CONVERGED
-        if not going.all():
-            active, frame = active[going], frame.select(going)
+        going = _take_round(frame, task, state, round_ in (1, 4), noise)
+        if going.all():
+            continue
+        done.put(active[~going], state.select(~going))
+        active, frame = active[going], frame.select(going)
+        task, state = task.select(going), state.select(going)
         if not len(active):
             break
-    return state
+    done.put(active, state)
+    return done
+
+
+def _take_round(frame: _Frame, task: _Task, state: _State, tells: bool, noise: float) -> BoolArray:
+    """Try the next shapes, keep what is better, and choose the next: where it moves on (n,).
+
+    ``tells``: the misfit tells by now how well the model can do.
+    """
+    levels, squares, data, right = _fit_levels(task.trial, task.dark_first, frame)
+    misfit2 = squares / task.freedom
+    if tells:
+        task.sigma2[:] = np.maximum(misfit2, noise**2)
+        state.cost[:] = np.inf
+    cost = squares / task.sigma2 + np.square((task.mean - task.trial) / task.spread).sum(1)
+    better = cost < state.cost
+    found = (task.trial, levels, cost, np.sqrt(misfit2), data, right)
+    kept = (state.shape, state.levels, state.cost, state.misfit, state.data, state.right)
+    for old, new in zip(kept, found, strict=True):
+        if better.all():
+            old[:] = new
+        else:
+            old[better] = new[better]
+    now = task.damping
+    now[:] = np.where(better, np.maximum(0.2 * now, 1e-4), np.maximum(10 * now, 0.3))
+
+    normal = state.data / task.sigma2[:, None, None]
+    diagonal = np.einsum("nii->ni", normal)
+    diagonal += task.spread**-2.0
+    diagonal *= 1 + now[:, None]
+    wanted = state.right / task.sigma2[:, None] + (task.mean - state.shape) / task.spread**2
+    move = np.linalg.solve(normal, wanted[..., None])[..., 0]
+    move = np.clip(move, -_LONGEST_STEP, _LONGEST_STEP)
+    np.add(state.shape, move, out=task.trial)
+    size = np.abs(move)
+    state.last_move[:] = size[:, :2].max(1)
+    return np.asarray((state.last_move > _CONVERGED) | (size[:, 4:6].max(1) > _BLUR_CONVERGED))
 
 
 def _is_dark_first(frame: _Frame) -> BoolArray:
@@ -368,7 +411,14 @@ def _fit_levels(
     own = np.exp(2 * shape[:, 4:6, None])
     blur2 = _SHARPEST**2 + own
     steep = 2 * _TANH / np.sqrt(blur2)
-    z = frame.across - shape[:, 2:4, None] * frame.along
+    weight = frame.weight
+    # What is multiplied with each other: slopes, residual, basis and value.
+    rows = np.empty((len(shape), _UNKNOWNS + 6, weight.shape[1]), np.float32)
+    slopes, residual = rows[:, :_UNKNOWNS], rows[:, _UNKNOWNS]
+    basis = rows[:, _UNKNOWNS + 1 : -1]
+    rows[:, -1] = frame.value
+    z = frame.along * -shape[:, 2:4, None]
+    z += frame.across
     z -= shape[:, :2, None]
     z *= steep
     np.clip(z, -_STEEPEST, _STEEPEST, out=z)
@@ -377,43 +427,42 @@ def _fit_levels(
     away, bar = np.exp(-z), np.exp(back)
     plus, minus = 1 / (1 + away * bar), away / (away + bar)  # steps up to the two quadrants
     first, third = plus[:, 0] * plus[:, 1], minus[:, 0] * minus[:, 1]
-    rest = 1 - first - third
     fourth = away[:, 1] / (away[:, 1] + away[:, 0])
-    weight = frame.weight
-    basis = np.stack([first, rest * (1 - fourth), third, rest * fourth], 1)
-    basis *= weight[:, None]
-    inverse = np.linalg.inv(_multiply_rows(basis).astype(float) + 1e-6 * np.eye(4))
-    levels = inverse @ (basis @ frame.value[..., None])
+    rest = (1 - first - third) * weight
+    first *= weight
+    third *= weight
+    basis[:, 0], basis[:, 2] = first, third
+    np.multiply(rest, fourth, out=basis[:, 3])
+    np.subtract(rest, basis[:, 3], out=basis[:, 1])
+    products = (basis @ rows[:, _UNKNOWNS + 1 :].swapaxes(1, 2)).astype(float)
+    inverse = np.linalg.inv(products[..., :4] + 1e-6 * np.eye(4))
+    levels = inverse @ products[..., 4:]
     fitted = levels.astype(np.float32)
-    residual = frame.value - (fitted.transpose(0, 2, 1) @ basis)[:, 0]
+    np.subtract(frame.value, (fitted.swapaxes(1, 2) @ basis)[:, 0], out=residual)
     one, two, three, four = fitted.transpose(1, 0, 2)
     between = two + (four - two) * fourth
-    of_plus = ((one - between) * weight * first)[:, None] * (1 - plus)
-    of_minus = ((three - between) * weight * third)[:, None] * (1 - minus)
+    of_plus = ((one - between) * first)[:, None] * (1 - plus)
+    of_minus = ((three - between) * third)[:, None] * (1 - minus)
     sharing = (four - two) * basis[:, 3] * (1 - fourth)
     gap_slope = of_plus + of_minus
-    slope = of_plus - of_minus
+    slope = of_plus
+    slope -= of_minus
     slope[:, 0] += sharing
     slope[:, 1] -= sharing
-    slopes = np.empty((len(shape), _UNKNOWNS, weight.shape[1]), np.float32)
-    slopes[:, 4:6] = (slope * z - gap_slope * back) * (own / blur2)
-    gap_slope *= steep
-    slopes[:, 6] = (gap_slope[:, 0] + gap_slope[:, 1]) * np.where(half_gap >= 0, 1, -1)[:, None]
-    slope *= steep
-    slope[:, 1] *= turned[:, None]
-    slopes[:, :2] = slope
-    slopes[:, 2:4] = slope * frame.along
-    best = np.asarray(levels[..., 0], np.float64)
+    z *= slope
+    z -= gap_slope * back
+    np.multiply(z, own / blur2, out=slopes[:, 4:6])
+    gap_slope *= steep * np.where(half_gap >= 0, np.float32(1), np.float32(-1))[:, None, None]
+    np.add(gap_slope[:, 0], gap_slope[:, 1], out=slopes[:, 6])
+    steep[:, 1] *= turned[:, None]
+    np.multiply(slope, steep, out=slopes[:, :2])
+    np.multiply(slopes[:, :2], frame.along, out=slopes[:, 2:4])
+    best = levels[..., 0]
     best = np.where(turned[:, None] > 0, best, best[:, ::-1])
-    squares = (residual[:, None] @ residual[..., None])[:, 0, 0].astype(float)
+    products = (rows[:, : _UNKNOWNS + 1] @ rows[:, :-1].swapaxes(1, 2)).astype(float)
+    squares, right = products[:, _UNKNOWNS, _UNKNOWNS], -products[:, :_UNKNOWNS, _UNKNOWNS]
     # Kaufman's variable projection: the levels follow the shape, and the residuals hold nothing
     # that other levels would explain.
-    shared = (slopes @ basis.transpose(0, 2, 1)).astype(float)
-    data = _multiply_rows(slopes) - shared @ inverse @ shared.transpose(0, 2, 1)
-    return best, squares, data, -(slopes @ residual[..., None])[..., 0].astype(float)
-
-
-def _multiply_rows(rows: Float32Array) -> Float32Array:
-    """Scalar products (n, M, M) of M rows with each other, of (n, M, K)."""
-    # A copy: numpy's own way for a matrix and itself is far slower for small ones.
-    return rows @ rows.copy().transpose(0, 2, 1)
+    shared = products[:, :_UNKNOWNS, _UNKNOWNS + 1 :]
+    data = products[:, :_UNKNOWNS, :_UNKNOWNS] - shared @ inverse @ shared.swapaxes(1, 2)
+    return best, squares, data, right

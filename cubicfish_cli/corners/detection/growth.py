@@ -3,7 +3,7 @@
 What is there is judged by the brightness of the four squares, seen through the grid's local shape.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -34,6 +34,7 @@ _QUADRANTS = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
 SEPARATION = 0.30  # darker bright minus brighter dark quadrant, of the corner's contrast
 LEAST_CONTRAST = 0.15  # of the contrast around
 NEIGHBOUR_STEPS = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
+_ALONG = ALONG_EDGE[:, None]
 _MOST_ROUNDS = 60
 # A prediction extrapolates by one cell. From two rows it is linear, and near a board held close
 # to the lens one square can be 1.6 times as long as the last; the next corner is a cell away.
@@ -107,14 +108,13 @@ def _sample_diagonals(
     away: FloatArray,
     along: FloatArray,
 ) -> Quadrants:
-    offset = (_QUADRANTS[:, None, :] * along[None, :, None]).reshape(-1, 2)
-    points = fit.at(away[:, None, None] * offset) + (pixel - fit.pixel)[:, None]
-    level = pyramid.sample(points, fit.side).reshape(len(pixel), 4, -1).astype(float)
-    plus = (sign > 0)[:, None, None]
-    return Quadrants(
-        bright=np.where(plus, level[:, 0::2], level[:, 1::2]),
-        dark=np.where(plus, level[:, 1::2], level[:, 0::2]),
-    )
+    offset = (_QUADRANTS[:, None, :] * along[None, :, None]).reshape(-1, 2).T
+    points = fit.columns_at(away * offset[:, :, None])
+    points += (pixel - fit.pixel).T[:, None]
+    level = pyramid.sample_columns(points, fit.side).astype(np.float64)
+    level = level.reshape(4, len(along), len(pixel))
+    level = np.where(sign > 0, level, level[[1, 2, 3, 0]]).T  # (N, K, 4), bright ones are even
+    return Quadrants(bright=level[..., 0::2].swapaxes(1, 2), dark=level[..., 1::2].swapaxes(1, 2))
 
 
 def edges_seen(
@@ -142,22 +142,25 @@ def edges_seen(
     seen = np.zeros(neighbour.shape[:2], bool)
     if not len(row):
         return seen
-    direction = NEIGHBOUR_STEPS[arm].astype(float)
-    offset = direction[:, None] * ALONG_EDGE[:, None]
-    part = replace(fit.select(row), pixel=pixel[row])
+    part = fit.select(row)
+    start, end = pixel[row].T, neighbour[row, arm].T
+    direction = NEIGHBOUR_STEPS[arm].astype(float).T
+    points = part.columns_at(direction[:, None] * _ALONG)
+    points += (start - part.pixel.T)[:, None]
     # The fit's curve, moved so that it ends at the neighbour.
-    end = part.at(direction[:, None])[:, 0]
-    points = part.at(offset) + ALONG_EDGE[:, None] * (neighbour[row, arm] - end)[:, None]
-    length = np.hypot(*(neighbour[row, arm] - pixel[row]).T)
+    miss = end - start - part.columns_at(direction[:, None])[:, 0] + part.pixel.T
+    points += _ALONG * miss[:, None]
+    length = np.hypot(*(end - start))
     # To the clockwise side along the grid's other axis: it does not leave the two squares, however
     # flat they are seen. There lies quadrant (+, +) for +i, quadrant (-, +) for +j, and so on.
-    across = (part.step @ np.stack([-direction[:, 1], direction[:, 0]], -1)[..., None])[..., 0]
-    area = np.abs(np.linalg.det(part.step))
-    height = area / np.hypot(*(part.step @ direction[..., None])[..., 0].T)
+    step = part.step.transpose(1, 2, 0)
+    across = step[:, 1] * direction[0] - step[:, 0] * direction[1]
+    ahead = step[:, 0] * direction[0] + step[:, 1] * direction[1]
+    area = np.abs(step[0, 0] * step[1, 1] - step[0, 1] * step[1, 0])
+    height = area / np.hypot(*ahead)
     share = np.minimum(np.clip(LEAST_ASIDE / height, ASIDE, 0.4) + half_gap / height, 0.4)
-    difference = edge_difference(pyramid, points, (share[:, None] * across)[:, None], length)
-    difference *= (sign[row] * np.where(arm % 2 == 0, 1, -1))[:, None]
-    difference /= np.maximum(contrast[row], 1e-6)[:, None]
+    difference = edge_difference(pyramid, points, (share * across)[:, None], length)
+    difference *= sign[row] * np.where(arm % 2 == 0, 1, -1) / np.maximum(contrast[row], 1e-6)
     seen[row, arm] = edge_is_seen(difference)
     return seen
 

@@ -106,6 +106,19 @@ class LocalFit(Rows):
             + quadratic @ self.bend.transpose(0, 2, 1)
         )
 
+    def columns_at(self, offset: FloatArray) -> FloatArray:
+        """Positions at (2, K, N) or (2, K, 1) offsets in cells -> (2, K, N) pixels.
+
+        As :meth:`at`, for few offsets of many cells.
+        """
+        di, dj = offset
+        bend, step = (
+            self.bend.transpose(1, 2, 0)[:, :, None],
+            self.step.transpose(1, 2, 0)[:, :, None],
+        )
+        along = step[:, 0] + (0.5 * di) * bend[:, 0] + dj * bend[:, 1]
+        return self.pixel.T[:, None] + di * along + dj * (step[:, 1] + (0.5 * dj) * bend[:, 2])
+
     def cells_away(self, pixel: FloatArray) -> FloatArray:
         """Distance (N,) of (N, 2) or (N, K, 2) pixels from the prediction, in cells.
 

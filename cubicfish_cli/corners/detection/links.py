@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.core.angles import azimuth
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.corners.detection.corners import XCorners
 from cubicfish_cli.corners.detection.lattice import Lattice
@@ -47,42 +46,52 @@ def _find_links(pyramid: Pyramid, corners: XCorners) -> IntArray:
     count = len(corners.pixel)
     if count < 4:
         return np.full((count, 4), -1)
-    p, q, length = _find_neighbours(corners)
-    towards = corners.pixel[q] - corners.pixel[p]
-    direction = azimuth(towards)
+    p, q = _find_neighbours(corners)
+    towards = (corners.pixel[q] - corners.pixel[p]).T.copy()
+    direction = np.arctan2(towards[1], towards[0])
     arm_p, miss_p = _find_pointing_arm(corners.angle[p], direction)
+    rows = np.flatnonzero(np.abs(miss_p) < _POINTING)
+    p, q, arm_p, miss_p, direction = p[rows], q[rows], arm_p[rows], miss_p[rows], direction[rows]
     arm_q, miss_q = _find_pointing_arm(corners.angle[q], direction + np.pi)
-    fits = (np.abs(miss_p) < _POINTING) & (np.abs(miss_q) < _POINTING)
-    fits &= (arm_p + arm_q) % 2 == 1
-    p, q, length, arm_p, arm_q = p[fits], q[fits], length[fits], arm_p[fits], arm_q[fits]
-    miss_p, miss_q = miss_p[fits], miss_q[fits]
+    rows = np.flatnonzero((np.abs(miss_q) < _POINTING) & ((arm_p + arm_q) % 2 == 1))
+    # Most pairs have come twice, from either end.
+    pair, first = np.unique(p[rows] * count + q[rows], return_index=True)
+    p, q, rows = pair // count, pair % count, rows[first]
+    arm_p, arm_q, miss_p, miss_q = arm_p[rows], arm_q[rows], miss_p[rows], miss_q[rows]
+    start, end = corners.pixel[p].T, corners.pixel[q].T
+    length = np.hypot(*(end - start))
     # The ends of an arc miss the chord alike, to opposite sides.
     cost = length * (1 + np.abs(miss_p) + np.abs(miss_q) + _NO_ARC * np.abs(miss_p + miss_q))
-    along_p, along_q = _make_unit(corners.angle[p, arm_p]), -_make_unit(corners.angle[q, arm_q])
-    scale = np.minimum(corners.contrast[p], corners.contrast[q])[:, None]
-    scale *= np.where(arm_p % 2 == 0, 1, -1)[:, None]
-    start, end = corners.pixel[p], corners.pixel[q]
-    difference = _measure_edge(pyramid, start, end, along_p, along_q, length, ASIDE) / scale
+    scale = np.minimum(corners.contrast[p], corners.contrast[q])
+    scale *= np.where(arm_p % 2 == 0, 1, -1)
+    # Points and tangents at the ends of each edge (4, 2, N).
+    tangent = (
+        length * _make_unit(corners.angle[p, arm_p]),
+        -length * _make_unit(corners.angle[q, arm_q]),
+    )
+    ends = np.stack([start, end, *tangent])
+    difference = _measure_edge(pyramid, ends, length, ASIDE) / scale
     seen = edge_is_seen(difference)
     # Where white bleeds the dark squares draw back from the line between their corners.
-    rest = np.nonzero(~seen)[0]
-    far = _measure_edge(
-        pyramid, start[rest], end[rest], along_p[rest], along_q[rest], length[rest], _FAR_ASIDE
-    )
-    difference[rest] = far / scale[rest]
-    seen[rest] = edge_is_seen(difference[rest])
+    rest = np.flatnonzero(~seen)
+    far = _measure_edge(pyramid, ends[..., rest], length[rest], _FAR_ASIDE)
+    difference[:, rest] = far / scale[rest]
+    seen[rest] = edge_is_seen(difference[:, rest])
     cost[rest] *= _BLEEDING
-    cost /= np.clip(difference.min(1), EDGE_LEAST, 1.0)  # an edge that is seen all along is one
+    cost /= np.clip(difference.min(0), EDGE_LEAST, 1.0)  # an edge that is seen all along is one
     p, q, arm_p, arm_q, cost = p[seen], q[seen], arm_p[seen], arm_q[seen], cost[seen]
-    ends, back = (p, q), (arm_p, arm_q)
+    ends_of, back = (p, q), (arm_p, arm_q)
     return _keep_mutual(
         count,
-        *(np.concatenate(both) for both in (ends, ends[::-1], back, back[::-1], (cost, cost))),
+        *(
+            np.concatenate(both)
+            for both in (ends_of, ends_of[::-1], back, back[::-1], (cost, cost))
+        ),
     )
 
 
-def _find_neighbours(corners: XCorners) -> tuple[IntArray, IntArray, FloatArray]:
-    """Pairs of near corners whose contrasts are alike, each once, and their distances.
+def _find_neighbours(corners: XCorners) -> tuple[IntArray, IntArray]:
+    """Pairs of near corners whose contrasts are alike, the lower index first; most come twice.
 
     Corners look for neighbours among those that are not much weaker, octave by octave of
     contrast, and once more among those whose pattern reaches as far as theirs: otherwise the
@@ -100,10 +109,8 @@ def _find_neighbours(corners: XCorners) -> tuple[IntArray, IntArray, FloatArray]
     p, q, length = (np.concatenate(part) for part in zip(*pairs, strict=True))
     ratio = corners.contrast[q] / corners.contrast[p]
     near = (p != q) & (length > 2.0) & (ratio < _CONTRAST_RATIO) & (ratio > 1 / _CONTRAST_RATIO)
-    p, q, length = p[near], q[near], length[near]
-    count = len(corners.pixel)
-    pair, first = np.unique(np.minimum(p, q) * count + np.maximum(p, q), return_index=True)
-    return pair // count, pair % count, length[first]
+    p, q = p[near], q[near]
+    return np.minimum(p, q), np.maximum(p, q)
 
 
 def _find_nearest(
@@ -116,8 +123,9 @@ def _find_nearest(
 
 
 def edge_is_seen(difference: FloatArray) -> BoolArray:
-    """Judge (N, 7) differences across an edge, relative to the corner's contrast."""
-    return (np.median(difference, axis=1) > EDGE_MEDIAN) & (difference.min(1) > EDGE_LEAST)
+    """Judge (7, N) differences across N edges, relative to the corner's contrast."""
+    clear = np.count_nonzero(difference > EDGE_MEDIAN, axis=0)  # more than half: the median is
+    return np.asarray((clear > len(difference) // 2) & (difference.min(0) > EDGE_LEAST))
 
 
 def edge_difference(
@@ -127,56 +135,57 @@ def edge_difference(
 
     Args:
         pyramid: the photo.
-        points: (N, K, 2) points of each curve, pixels.
-        aside: (N, K, 2) from the curve to where its first side is measured, pixels.
+        points: (2, K, N) points of each curve, pixels.
+        aside: (2, K, N) or (2, 1, N) from the curve to where its first side is measured, pixels.
         length: (N,) distance of the curve's ends, pixels.
 
     Returns:
-        (N, K) grey levels.
+        (K, N) grey levels.
 
     """
-    both = pyramid.sample(np.stack([points + aside, points - aside], axis=1), length)
-    return both[:, 0].astype(float) - both[:, 1]
+    count = points.shape[1]
+    both = pyramid.sample_columns(np.concatenate([points + aside, points - aside], axis=1), length)
+    return both[:count].astype(float) - both[count:]
 
 
 def _make_unit(angle: FloatArray) -> FloatArray:
-    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return np.stack([np.cos(angle), np.sin(angle)])
 
 
 def _find_pointing_arm(angles: FloatArray, direction: FloatArray) -> tuple[IntArray, FloatArray]:
     """The arm that points best, and by how much it misses, signed."""
-    miss = (angles - direction[:, None] + np.pi) % (2 * np.pi) - np.pi
+    miss = angles - direction[:, None]
+    miss -= 2 * np.pi * np.rint(miss / (2 * np.pi))
     arm = np.abs(miss).argmin(1)
     return arm, miss[np.arange(len(arm)), arm]
 
 
+# Points of a cubic Hermite curve, and its tangents, along the edge: factors (K, 4) of its start,
+# its end, and the tangents there.
+_T = ALONG_EDGE
+_HERMITE = np.stack(
+    [1 + _T**2 * (2 * _T - 3), _T**2 * (3 - 2 * _T), _T * (1 - _T) ** 2, -(_T**2) * (1 - _T)],
+    axis=1,
+)
+_SLOPE = np.stack(
+    [-6 * _T * (1 - _T), 6 * _T * (1 - _T), (1 - _T) * (1 - 3 * _T), _T * (3 * _T - 2)], axis=1
+)
+
+
 def _measure_edge(
-    pyramid: Pyramid,
-    start: FloatArray,
-    end: FloatArray,
-    start_tangent: FloatArray,
-    end_tangent: FloatArray,
-    length: FloatArray,
-    aside: float,
+    pyramid: Pyramid, ends: FloatArray, length: FloatArray, aside: float
 ) -> FloatArray:
-    """Difference across the cubic Hermite curve with the given unit tangents at its ends."""
-    t = ALONG_EDGE[:, None]
-    start_tangent, end_tangent = start_tangent * length[:, None], end_tangent * length[:, None]
-    points = (
-        (1 + t * t * (2 * t - 3)) * start[:, None]
-        + t * (1 - t) ** 2 * start_tangent[:, None]
-        + t * t * (3 - 2 * t) * end[:, None]
-        - t * t * (1 - t) * end_tangent[:, None]
-    )
-    tangent = (
-        6 * t * (1 - t) * (end - start)[:, None]
-        + (1 - t) * (1 - 3 * t) * start_tangent[:, None]
-        + t * (3 * t - 2) * end_tangent[:, None]
-    )
-    normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)  # clockwise of the curve
-    normal /= np.maximum(np.hypot(normal[..., 0], normal[..., 1]), 1e-9)[..., None]
-    offset = np.maximum(aside * length, LEAST_ASIDE)
-    return edge_difference(pyramid, points, normal * offset[:, None, None], length)
+    """Difference (K, N) across the cubic Hermite curves with such ends (4, 2, N).
+
+    These are start, end, and the tangents there, as long as the curve's chord, pixels.
+    """
+    flat, shape = ends.reshape(4, -1), (-1, *ends.shape[1:])
+    points = (_HERMITE @ flat).reshape(shape).swapaxes(0, 1)
+    tangent = (_SLOPE @ flat).reshape(shape)
+    x, y = tangent[:, 0], tangent[:, 1]
+    offset = np.maximum(aside * length, LEAST_ASIDE) / np.maximum(np.hypot(x, y), 1e-9)
+    # Clockwise of the curve.
+    return edge_difference(pyramid, points, np.stack([-y * offset, x * offset]), length)
 
 
 def _keep_mutual(
@@ -241,30 +250,31 @@ def find_patches(pyramid: Pyramid, corners: XCorners) -> list[Patch]:
     """
     links = _keep_squares(_find_links(pyramid, corners))
     strength = corners.contrast * corners.radius
-    ends = links.tolist()
+    linked = np.flatnonzero((links >= 0).any(1)).tolist()
+    ends = dict(zip(linked, links[linked].tolist(), strict=True))
     steps = [tuple(step) for step in _DIRECTIONS.tolist()]
-    visited = [False] * len(ends)
+    visited: set[int] = set()
     patches = []
-    for first in np.nonzero((links >= 0).any(1))[0].tolist():
-        if visited[first]:
+    for first in linked:
+        if first in visited:
             continue
         # Arm a of a corner with rotation r points along _DIRECTIONS[(r + a) % 4].
         place: dict[tuple[int, int], int] = {(0, 0): first}
         state = {first: (0, 0, 0)}
-        visited[first] = True
+        visited.add(first)
         queue = deque([first])
         while queue:
             here = queue.popleft()
             i, j, rotation = state[here]
-            for a in range(4):
-                there, arrival = divmod(ends[here][a], 4)
-                if there < 0 or visited[there]:
+            for a, end in enumerate(ends[here]):
+                there, arrival = divmod(end, 4)
+                if there < 0 or there in visited:
                     continue
                 direction = (rotation + a) % 4
                 cell = (i + steps[direction][0], j + steps[direction][1])
                 if cell in place:
                     continue
-                visited[there] = True
+                visited.add(there)
                 place[cell] = there
                 state[there] = (*cell, (direction + 2 - arrival) % 4)
                 queue.append(there)

@@ -24,8 +24,8 @@ SMOOTHING = 0.5
 CLOSE = 0.5
 # Noise is estimated from about so many places: to half a percent.
 _NOISE_SAMPLES = 60_000
-# cv2.remap takes no more rows than fit a short.
-_MOST_ROWS = 30_000
+# cv2.remap takes no more columns than fit a short; fewer stay in the processor's cache.
+_MOST_COLUMNS = 4_000
 
 
 class Levels(Sequence[Float32Array]):
@@ -98,35 +98,44 @@ class Pyramid:
     def sample(self, points: FloatArray, step: FloatArray) -> Float32Array:
         """Sample (N, ..., 2) pixels, each row at the level that suits its square side (N,).
 
-        The level keeps a square at 24 to 48 px, so that large squares are averaged and small
-        ones are seen at full size. Returns (N, ...).
+        Returns (N, ...).
         """
-        level = np.log2(np.maximum(step, 1.0) / 24.0).astype(int)
+        places = points.reshape(len(points), int(np.prod(points.shape[1:-1])), 2).T
+        return self.sample_columns(places, step).T.reshape(points.shape[:-1])
+
+    def sample_columns(self, points: FloatArray, step: FloatArray) -> Float32Array:
+        """Sample at x and y (2, K, N) of K points of each of N squares of side ``step`` (N,).
+
+        The level keeps a square at 24 to 48 px, so that large squares are averaged and small
+        ones are seen at full size. Returns (K, N).
+        """
+        level = np.frexp(np.maximum(step, 1.0) / 24.0)[1] - 1
         level = np.clip(level, 0, len(self.levels) - 1)
-        result = np.empty(points.shape[:-1], np.float32)
-        for k in np.unique(level):
-            rows = level == k
-            result[rows] = bilinear(self.levels[k], points[rows] / 2.0**k)
+        first = int(level.min(initial=0))
+        if (level == first).all():
+            return bilinear(self.levels[first], points, 2.0**-first)
+        result = np.empty(points.shape[1:], np.float32)
+        for k in np.flatnonzero(np.bincount(level)).tolist():
+            rows = np.flatnonzero(level == k)
+            result[:, rows] = bilinear(self.levels[k], points[:, :, rows], 2.0**-k)
         return result
 
 
-def bilinear(image: Float32Array, points: FloatArray) -> Float32Array:
-    """Sample an image at (..., 2) pixels; the border is repeated outwards.
+def bilinear(image: Float32Array, points: FloatArray, scale: float = 1.0) -> Float32Array:
+    """Sample an image at ``scale`` times x and y (2, K, N) -> (K, N); the border goes on outwards.
 
     Positions are taken to 1/32 px (cv2.remap), enough for tests of brightness; sub-pixel
     fits read the pixels themselves.
     """
-    shape = points.shape[:-1]
-    count = points.size // 2
-    if not count:
-        return np.zeros(shape, np.float32)
-    columns = max(64, -(-count // _MOST_ROWS))
-    rows = -(-count // columns)
-    x, y = np.zeros((2, rows * columns), np.float32)
-    x[:count], y[:count] = points[..., 0].ravel(), points[..., 1].ravel()
-    x, y = x.reshape(rows, columns), y.reshape(rows, columns)
-    sampled = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(sampled, np.float32).reshape(-1)[:count].reshape(shape)
+    at = np.empty(points.shape, np.float32)
+    np.multiply(points, scale, out=at, casting="same_kind")
+    result = np.empty(points.shape[1:], np.float32)
+    for first in range(0, points.shape[2], _MOST_COLUMNS):
+        x, y = at[:, :, first : first + _MOST_COLUMNS]
+        result[:, first : first + _MOST_COLUMNS] = cv2.remap(
+            image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+    return result
 
 
 def estimate_noise(image: Float32Array) -> float:

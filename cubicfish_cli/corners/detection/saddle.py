@@ -4,6 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.types import BoolArray, FloatArray
+from cubicfish_cli.corners.detection.windows import group_windows
 
 _ITERATIONS = 8
 _CONVERGED = 0.02  # px: the crossing fit starts from here and does the rest
@@ -14,6 +15,7 @@ def fit_saddles(
     pixel: FloatArray,
     half: FloatArray,
     travel: FloatArray | None = None,
+    limits: FloatArray | None = None,
 ) -> tuple[FloatArray, BoolArray]:
     """Move (N, 2) pixels to the saddle point of a quadratic fitted in a window around each.
 
@@ -25,6 +27,8 @@ def fit_saddles(
         pixel: (N, 2) start.
         half: (N,) half-size of the window, pixels, at least 1.5.
         travel: (N,) how far the result may lie from the start; default max(1.5, half).
+        limits: (N, 4) smallest x and y and largest x and y that windows may reach; None: all of
+            the image.
 
     Returns:
         (N, 2) the saddle points, and (N,) whether it converged on one within the allowed travel.
@@ -34,83 +38,104 @@ def fit_saddles(
     result = np.array(pixel, float).reshape(count, 2)
     ok = np.zeros(count, bool)
     half = np.broadcast_to(np.asarray(half, float), (count,))
-    limit = np.maximum(1.5, half) if travel is None else np.broadcast_to(travel, (count,))
-    half_width = np.ceil(half + 0.5).astype(int)
-    for radius in np.unique(half_width):
-        rows = np.nonzero(half_width == radius)[0]
-        result[rows], ok[rows] = _fit(image, result[rows], half[rows], limit[rows], int(radius))
+    height, width = image.shape
+    radius = np.ceil(half + 0.5)
+    state = np.empty((_HIGH.stop, count))
+    state[_AT] = state[_START] = result.T
+    state[_HALF] = half
+    state[_TRAVEL] = np.maximum(1.5, half) if travel is None else travel
+    within = np.array([[0], [0], [width - 1], [height - 1]]) if limits is None else limits.T
+    state[_LOW], state[_HIGH] = within[:2] + radius, within[2:] - radius
+    largest = (min(height, width) - 1) // 2
+    for size, rows in group_windows(np.minimum(radius, largest).astype(int)):
+        result[rows], ok[rows] = _fit(image, state[:, rows], size)
     return result, ok
 
 
+# Rows of what is known of the points that are fitted: estimate, start, half-size of the window, how
+# far the estimate may go, and the smallest and the largest places of the window's middle pixel.
+_AT, _START, _HALF, _TRAVEL = slice(0, 2), slice(2, 4), 4, 5
+_LOW, _HIGH = slice(6, 8), slice(8, 10)
+
+
 def _fit(
-    image: npt.NDArray[np.generic],
-    start: FloatArray,
-    half: FloatArray,
-    travel: FloatArray,
-    radius: int,
+    image: npt.NDArray[np.generic], state: FloatArray, radius: int
 ) -> tuple[FloatArray, BoolArray]:
+    """The saddle points (N, 2) of some points, and whether they are any (N,).
+
+    Points run along rows, so that the loops of numpy go over many points, not over the few pixels
+    of a window.
+    """
     size = 2 * radius + 1
+    pixel, travel = state[_AT].T.copy(), state[_TRAVEL]
+    start, ok = pixel.copy(), np.zeros(len(pixel), bool)
     height, width = image.shape
-    offsets = np.arange(-radius, radius + 1)
-    pixel = start.copy()
-    ok = np.zeros(len(start), bool)
-    active = np.arange(len(start))
-    if min(height, width) < size:
-        return pixel, ok
+    offsets = np.arange(-radius, radius + 1.0)[:, None]
+    most = np.array([[width - 1 - radius], [height - 1 - radius]])
     windows = np.lib.stride_tricks.sliding_window_view(image, (size, size))
+    windows = windows.transpose(2, 3, 0, 1)
+    active = np.arange(len(pixel))
     for _ in range(_ITERATIONS):
-        centre = np.rint(pixel[active]).astype(int)
-        inside = (
-            (centre[:, 0] >= radius)
-            & (centre[:, 1] >= radius)
-            & (centre[:, 0] < width - radius)
-            & (centre[:, 1] < height - radius)
-            & (np.hypot(*(pixel[active] - start[active]).T) <= travel[active])
-        )
-        active, centre = active[inside], centre[inside]
+        centre = np.rint(state[_AT])
+        inside = ((centre >= state[_LOW]) & (centre <= state[_HIGH])).all(0)
+        inside &= np.hypot(*(state[_AT] - state[_START])) <= state[_TRAVEL]
+        if not inside.all():
+            active, centre, state = active[inside], centre[:, inside], state[:, inside]
         if not len(active):
             break
-        patch = windows[centre[:, 1] - radius, centre[:, 0] - radius].astype(float)
-        away = offsets + (centre - pixel[active])[..., None]
-        move, saddle = _take_newton_step(patch, away, half[active])
-        length = np.hypot(move[:, 0], move[:, 1])
+        # A wider window than the point's own need not lie around its middle.
+        centre = np.clip(centre, radius, most).astype(int)
+        x, y = centre - radius
+        patch = np.ascontiguousarray(windows[:, :, y, x], float)
+        away = offsets + (centre - state[_AT])[:, None]
+        half = state[_HALF]
+        move, saddle = _take_newton_step(patch, away / half)
+        move *= half
+        length = np.hypot(*move)
         # A long step means that the quadratic does not describe the window: damp it.
-        move *= np.minimum(1.0, 0.75 * half[active] / np.maximum(length, 1e-9))[:, None]
-        pixel[active[saddle]] += move[saddle]
+        move *= np.minimum(1.0, 0.75 * half / np.maximum(length, 1e-9))
+        state[_AT] += np.where(saddle, move, 0.0)
+        pixel[active] = state[_AT].T
         done = saddle & (length < _CONVERGED)
         ok[active[done]] = True
-        active = active[saddle & ~done]
+        going = saddle & ~done
+        active, state = active[going], state[:, going]
     ok &= np.hypot(*(pixel - start).T) <= travel
     return pixel, ok
 
 
-def _take_newton_step(
-    patch: FloatArray, away: FloatArray, half: FloatArray
-) -> tuple[FloatArray, BoolArray]:
-    """One weighted fit: patches (N, n, n), offsets (N, 2, n) -> steps (N, 2), saddles (N,).
+def _take_newton_step(patch: FloatArray, u: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """One weighted fit, in half windows.
+
+    Patches (n, n, N) and the places (2, n, N) of their columns and of their rows -> steps (2, N),
+    saddles (N,).
 
     The weight is a product, so products of polynomials that are orthogonal along x and along y
     are orthogonal in the plane, and each coefficient is a mean of its own.
     """
-    u = away / half[:, None, None]
-    weight = np.maximum(1 - u * u, 0)
-    total = weight.sum(-1)
-    mean = (weight * u).sum(-1) / total
-    first = u - mean[..., None]
-    weighted = weight * first
-    power = (weighted * first).sum(-1)
-    lean = (weighted * u * u).sum(-1) / power
-    second = u * u - lean[..., None] * first
-    second -= ((weight * second).sum(-1) / total)[..., None]
-    basis = np.stack([weight, weighted, weight * second], axis=2)
-    norm = np.stack([total, power, (basis[:, :, 2] * second).sum(-1)], axis=-1)
-    # factor[n, j, i] belongs to polynomial j along y times polynomial i along x.
-    factor = basis[:, 1] @ patch @ basis[:, 0].transpose(0, 2, 1)
-    factor /= norm[:, 1, :, None] * norm[:, 0, None, :]
-    a, b, c = factor[:, 0, 2], factor[:, 1, 1], factor[:, 2, 0]
-    d = factor[:, 0, 1] - lean[:, 0] * a - mean[:, 1] * b
-    e = factor[:, 1, 0] - lean[:, 1] * c - mean[:, 0] * b
+    square = u * u
+    weight = np.maximum(1 - square, 0)
+    power = np.stack([weight, weight * u, weight * square])  # (3, 2, n, N): times 1, u, u^2
+    zeroth, first, second = power.sum(2)
+    third = np.einsum("anm,anm->am", power[2], u)
+    fourth = np.einsum("anm,anm->am", power[2], square)
+    # The polynomials are 1, u - mean, and u^2 - lean (u - mean) - level.
+    mean, level = first / zeroth, second / zeroth
+    norm_1 = second - mean * first
+    skew = third - mean * second
+    lean = skew / norm_1
+    norm_2 = fourth - lean * skew - level * second
+    # part[j, i] belongs to power j along y times power i along x.
+    along = np.einsum("yxm,ixm->iym", patch, power[:, 0])
+    part = np.einsum("iym,jym->jim", along, power[:, 1])
+    last = lean * mean - level
+    a = (part[0, 2] - lean[0] * part[0, 1] + last[0] * part[0, 0]) / (zeroth[1] * norm_2[0])
+    c = (part[2, 0] - lean[1] * part[1, 0] + last[1] * part[0, 0]) / (zeroth[0] * norm_2[1])
+    by_x = part[0, 1] - mean[0] * part[0, 0]
+    by_y = part[1, 0] - mean[1] * part[0, 0]
+    b = (part[1, 1] - mean[0] * part[1, 0] - mean[1] * by_x) / (norm_1[1] * norm_1[0])
+    d = by_x / (zeroth[1] * norm_1[0]) - lean[0] * a - mean[1] * b
+    e = by_y / (zeroth[0] * norm_1[1]) - lean[1] * c - mean[0] * b
     determinant = 4 * a * c - b * b
     safe = np.where(determinant < 0, determinant, -1.0)
-    step = np.stack([(b * e - 2 * c * d) / safe, (b * d - 2 * a * e) / safe], -1)
-    return step * half[:, None], determinant < 0
+    return np.stack([b * e - 2 * c * d, b * d - 2 * a * e]) / safe, determinant < 0
