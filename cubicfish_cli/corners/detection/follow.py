@@ -38,8 +38,6 @@ _SHARP = 0.5
 SMALL_PX = 12.0
 # Where a corner's blur takes this share of the largest window, noise alone may make it fail.
 _MOST_OF_WINDOW = 0.7
-# Growing again after wrong corners went: they may have stood in the way.
-_PASSES = 2
 # A corner is the same as another one that is nearer than this, in squares.
 SAME = 0.3
 _NOBODY = cKDTree(np.zeros((0, 2)))
@@ -149,17 +147,12 @@ def _refine(pyramid: Pyramid, lattice: Lattice, zoom: float, places: _Places) ->
     cells = lattice.cells()
     start = find_start(pyramid, lattice.at(cells), lattice.fit(cells).side)
     lattice.pixel[cells[:, 0], cells[:, 1]] = start
-    for _ in range(_PASSES):
-        lattice.make_room()
-        before = copy.deepcopy(lattice)
-        found, dropped = refine_and_verify(pyramid, lattice)
-        if not is_large_enough(lattice) or not judge_whole(lattice, found):
-            return False
-        if not dropped:
-            break
-        _put_back(before, lattice, zoom, places)
-        if not _grow(pyramid, lattice):
-            break
+    lattice.make_room()
+    before = copy.deepcopy(lattice)
+    found, _ = refine_and_verify(pyramid, lattice)
+    if not is_large_enough(lattice) or not judge_whole(lattice, found):
+        return False
+    _put_back(before, lattice, zoom, places)
     return True
 
 
@@ -181,7 +174,7 @@ def _add_close(ladder: Ladder, lattice: Lattice) -> Lattice:
     """
     lattice.make_room()
     cells, pixel = lattice.cells(), lattice.at(lattice.cells())
-    if lattice.fit(cells).side.min() > SMALL_PX:
+    if np.median(lattice.fit(cells).side) > SMALL_PX:
         return lattice
     larger = copy.deepcopy(lattice)
     _change(ladder, larger, 1, CLOSE)
