@@ -9,8 +9,9 @@ over, until nothing more is found, since they return one board. A reference corn
 when a corner lies within 1 px of it. A found corner without one within 3 px counts as extra: on
 rendered photos that is a false corner, on real ones it may be one that the reference missed.
 
-``--times`` takes the photos above, then texture of every scale with one board in it from 1 to 108
-megapixels; each finder is given MOST_SECONDS a photo and asked for one board, with one thread.
+``--times`` takes the photos above, one of the sample photos at several sizes, and texture of every
+scale with one board in it from 1 to 108 megapixels; each finder is given MOST_SECONDS a photo and
+asked for one board, with one thread. Of ours it also says how many patches grow per board found.
 """
 
 import argparse
@@ -34,7 +35,8 @@ from asymmetric_lens import AsymmetricLens
 from looking import look_at
 
 from cubicfish_cli.app.viewpoints.truth import project_corners
-from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.target import Target, load_target
+from cubicfish_cli.corners.detection import finder
 from cubicfish_cli.corners.detection.finder import find_grids
 from cubicfish_cli.extensions.simulation.simulate import render
 
@@ -44,6 +46,8 @@ Photo = tuple[np.ndarray, np.ndarray, np.ndarray]
 MOST_BOARDS = 6
 MOST_SECONDS = 120
 # Width, height, side of the board's squares, px.
+SCALED = (0.3, 1.0, 2.0, 8.0, 12.0, 24.0)  # megapixels
+SAMPLE = Path(__file__).resolve().parents[1] / "sample_data" / "photos" / "corner_01.jpg"
 TEXTURES = (
     (1152, 864, 20),
     (2000, 1500, 30),
@@ -53,8 +57,8 @@ TEXTURES = (
 )
 
 
-def ours(image: np.ndarray, _: tuple[int, int]) -> np.ndarray:
-    grids = find_grids(image).grids
+def ours(image: np.ndarray, board: tuple[int, int]) -> np.ndarray:
+    grids = find_grids(image, [board]).grids
     return np.concatenate([grid.pixel for grid in grids]) if grids else np.zeros((0, 2))
 
 
@@ -178,6 +182,29 @@ def textured(width: int, height: int, square: float) -> np.ndarray:
     return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
 
 
+def scaled(megapixels: float) -> np.ndarray:
+    """A sample photo of so many pixels, as sharp for its size, with noise of 2 grey levels."""
+    photo = cv2.imread(str(SAMPLE), cv2.IMREAD_GRAYSCALE)
+    zoom = (megapixels * 1e6 / photo.size) ** 0.5
+    how = cv2.INTER_AREA if zoom < 1 else cv2.INTER_CUBIC
+    large = cv2.resize(photo, None, fx=zoom, fy=zoom, interpolation=how).astype(np.float32)
+    large += np.random.default_rng(0).normal(0, 2, large.shape).astype(np.float32)
+    return np.clip(np.rint(large), 0, 255).astype(np.uint8)
+
+
+def count_patches(images: list[np.ndarray], board: tuple[int, int]) -> tuple[int, int]:
+    """How many patches grow in some photos, and how many of them become boards."""
+    search, results = finder.search, []
+    finder.search = lambda pyramid: results.append(search(pyramid)) or results[-1]
+    try:
+        for image in images:
+            find_grids(image, [board])
+    finally:
+        finder.search = search
+    boards = sum(len(one.grids) for one in results)
+    return boards + sum(len(one.pieces) for one in results), boards
+
+
 def sectors_whole(image: np.ndarray, board: tuple[int, int]) -> np.ndarray | None:
     return cv2.findChessboardCornersSB(image, board, flags=cv2.CALIB_CB_ACCURACY)[1]
 
@@ -228,6 +255,9 @@ def times(photos: list[Photo], board: tuple[int, int]) -> None:
     print("CPU seconds per megapixel (corners found)")
     print(f"{'':34}" + "".join(f"{name:>18}" for name in TIMED))
     rows = [("photos", [photo[0] for photo in photos], board)]
+    sample = load_target(SAMPLE.parents[1] / "target.yaml").boards[0]
+    for size in SCALED:
+        rows.append(("a sample photo", [scaled(size)], (sample.columns, sample.rows)))
     for width, height, square in TEXTURES:
         label = f"texture, squares of {square} px"
         rows.append((label, [textured(width, height, square)], (11, 8)))
@@ -241,7 +271,8 @@ def times(photos: list[Photo], board: tuple[int, int]) -> None:
             else:
                 cost = sum(answer[0] for answer in answers) / megapixels
                 line += f"{f'{cost:.3f} ({sum(answer[1] for answer in answers)})':>18}"
-        print(line, flush=True)
+        grown, boards = count_patches(images, inner)
+        print(f"{line}   {grown} patches, {boards} boards", flush=True)
 
 
 def main() -> None:
