@@ -30,6 +30,8 @@ from cubicfish_cli.corners.detection.search import (
 
 # A piece of a board is searched for this far around: times its own extent, squares at least.
 _AROUND, _LEAST_AROUND = 1.0, 8
+# What is no more squares away from a grid's corners is beside it.
+_BESIDE = 1.5
 # A grid is another one when it has fewer of its corners in common with those that are known.
 _MOST_SHARED = 0.5
 # A part of a board that has this share of its corners shows that it was seen: what else of it there
@@ -93,7 +95,7 @@ def _search_scales(
             zoom, result = 2 * zoom, replace(coarser, grids=kept)
     found = [_Found(seen=seen, zoom=zoom) for seen in result.grids]
     refused = enlarged(result.refused.pixel, zoom)
-    boxes = _choose_boxes(ladder, [result], zoom)
+    boxes = _choose_boxes(ladder, [result], zoom, found)
     for finer in ladder.finer(zoom):
         if _are_all_seen(found, sizes):
             break
@@ -104,7 +106,7 @@ def _search_scales(
         for part in results:
             likely = [one for one in part.grids if _is_beyond_chance(one, finer / zoom, result)]
             found += _find_new(found, [_Found(seen=seen, zoom=finer) for seen in likely])
-        boxes = _choose_boxes(ladder, results, finer)
+        boxes = _choose_boxes(ladder, results, finer, found)
     return found, refused
 
 
@@ -124,15 +126,29 @@ def _is_beyond_chance(seen: Seen, zoom: float, everywhere: SearchResult) -> bool
     return is_beyond_chance_among(seen.lattice, everywhere.refused, zoom)
 
 
-def _choose_boxes(ladder: Ladder, results: Sequence[SearchResult], zoom: float) -> list[Box]:
-    """Where searches at a zoom saw pieces of squares too small to be sure of."""
+def _choose_boxes(
+    ladder: Ladder, results: Sequence[SearchResult], zoom: float, found: Sequence[_Found]
+) -> list[Box]:
+    """Where searches at a zoom saw pieces of squares too small to be sure of, far from any grid.
+
+    What is beside a grid is found by its growth.
+    """
     boxes = []
     for piece in [piece for result in results for piece in result.pieces]:
         side = float(np.median(nearest(piece, piece, 2)[0][:, 1]))
-        if side < SMALL_PX:
+        pixel = enlarged(piece, zoom)
+        if side < SMALL_PX and not any(_is_beside(pixel, one) for one in found):
             margin = max(_AROUND * float(np.ptp(piece, axis=0).max()), _LEAST_AROUND * side)
-            boxes.append(Box.around(enlarged(piece, zoom), zoom * margin, ladder.image.shape))
+            boxes.append(Box.around(pixel, zoom * margin, ladder.image.shape))
     return join_boxes(boxes)
+
+
+def _is_beside(pixel: FloatArray, one: _Found) -> bool:
+    """Whether some pixels (N, 2) of the photo lie within a grid or next to it."""
+    lattice = one.seen.lattice
+    side = one.zoom * lattice.fit(lattice.cells()).side
+    distance, index = nearest(pixel, one.pixel(), 1)
+    return bool((distance[:, 0] < _BESIDE * side[index[:, 0]]).any())
 
 
 def _find_new(found: Sequence[_Found], more: Sequence[_Found]) -> list[_Found]:
