@@ -31,7 +31,7 @@ _MOST_FAILURES = 40
 # only if it would be a board. That is one that keeps this share of its corners: of a board's nearly
 # all stay.
 _GROWN, _GROWN_LEAST, _KEPT_SHARE = 2, 64, 0.25
-# What is judged by medians is judged by about so many corners of a grid: they are known to a quarter
+# What is judged by medians is judged by about so many corners of a grid: they are known to a sixth
 # of their spread then.
 _JUDGED, _BLOCK = 50, 4  # in blocks of cells, since corners are held against those around
 # A crossing looks like a grid's when its radius is this share of a side, or as large as rings
