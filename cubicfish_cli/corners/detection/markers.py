@@ -7,6 +7,7 @@ that agree with each other about where the board is; what they contradict is lef
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -14,31 +15,49 @@ from scipy.spatial import cKDTree
 
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.corners.detection.finder import MOST_PIXELS, find_grids
 from cubicfish_cli.corners.detection.grids import (
     FoundGrids,
     grids_in_mirror,
     negative_grids,
     negative_photo,
 )
-from cubicfish_cli.corners.detection.markers_detect import SeenMarkers, Sight
-from cubicfish_cli.corners.detection.markers_lattice import BoardLattice
+from cubicfish_cli.corners.detection.markers_detect import (
+    NO_MARKERS,
+    SeenMarkers,
+    Sight,
+    reading_zooms,
+)
+from cubicfish_cli.corners.detection.markers_lattice import BoardLattice, verify
 from cubicfish_cli.corners.detection.markers_measure import with_sides_seen
+from cubicfish_cli.corners.detection.markers_missing import OpenEnds, Part, hidden
 from cubicfish_cli.corners.detection.markers_pieces import (
     Piece,
     agrees,
     extend,
     merge_pieces,
+    note_grids,
     piece_of,
     placed,
 )
 from cubicfish_cli.corners.detection.markers_read import (
     all_read,
+    cell_corners,
     group_agreeing,
+    marker_ratio,
     read_alone,
     read_together,
+    shortest_side,
 )
+from cubicfish_cli.corners.detection.nearby import nearest
 from cubicfish_cli.corners.detection.pyramid import CLOSE, build_pyramid, enlarged, reduced
 
+# Outlines of markers whose modules are larger are found in a photo, and so are those in its double.
+_CLEAR_MODULE_PX = 4.0
+# A grid that has the corners around markers, and those next to them, says where a board is: so many
+# squares (tags) from the middles of its markers. It grows from there.
+_MARGIN = 3.0
+_NO_GRIDS = np.zeros(0, np.intp)
 # Where nothing else vouches for markers, so many must agree.
 _AGREEING = 2
 # So many markers, at least two side by side, are no misreadings even where others refute them.
@@ -73,14 +92,19 @@ class MarkedCorners:
 
 
 def find_marked_corners(
-    image: npt.NDArray[np.generic], target: Target, grids: FoundGrids, *, closely: bool = False
+    image: npt.NDArray[np.generic],
+    target: Target,
+    grids: FoundGrids | None = None,
+    *,
+    closely: bool = False,
 ) -> MarkedCorners:
     """Find and name the corners of the target's ChArUco and AprilGrid boards.
 
     Args:
         image: (H, W) grey photo, uint8, uint16 or float.
         target: the calibration target; boards without markers are passed over.
-        grids: what :func:`~.finder.find_grids` found in the same photo.
+        grids: what :func:`~.finder.find_grids` found in the same photo. By default it is asked
+            only for those parts of it in which markers are, and more of their boards may be.
         closely: search the photo at twice its size, for markers half as small.
 
     """
@@ -93,25 +117,23 @@ def outlined_corners(image: npt.NDArray[np.generic], target: Target) -> MarkedCo
     They are good to a few tenths of a pixel, and boards of which fewer than two markers agree are
     left out: a fraction of the work, for those who want to know roughly what a photo shows.
     """
-    height, width = image.shape
-    none = FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=(width, height))
-    return _find_however_printed(_find_outlined, image, target, none)
+    return _find_however_printed(_find_outlined, image, target, None)
 
 
-_Finder = Callable[[npt.NDArray[np.generic], Target, FoundGrids], MarkedCorners]
+_Finder = Callable[[npt.NDArray[np.generic], Target, FoundGrids | None], MarkedCorners]
 
 
 def _find_however_printed(
-    find: _Finder, image: npt.NDArray[np.generic], target: Target, grids: FoundGrids
+    find: _Finder, image: npt.NDArray[np.generic], target: Target, grids: FoundGrids | None
 ) -> MarkedCorners:
     """What is found of dark markers, light ones, and both in a mirror."""
     if target.mirrored:
-        mirrored = image[:, ::-1], target.in_mirror(), grids_in_mirror(grids)
+        mirrored = image[:, ::-1], target.in_mirror(), grids and grids_in_mirror(grids)
         return _mirror_found(_find_however_printed(find, *mirrored), target, image.shape[1])
     inverted = _select_markers(target, inverted=True)
     if inverted is None:
         return find(image, target, grids)
-    negative = find(negative_photo(image), inverted, negative_grids(grids))
+    negative = find(negative_photo(image), inverted, grids and negative_grids(grids))
     others = _select_markers(target, inverted=False)
     return negative if others is None else _join_both(find(image, others, grids), negative)
 
@@ -151,25 +173,194 @@ def _join_both(one: MarkedCorners, other: MarkedCorners) -> MarkedCorners:
     )
 
 
-def _find(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> MarkedCorners:
+def _find(
+    image: npt.NDArray[np.generic], target: Target, grids: FoundGrids | None
+) -> MarkedCorners:
     """The same for dark markers in a photo that is not mirrored."""
     sight = Sight.of(image, target)
-    alone = read_alone(sight.pyramid, sight.families)
-    found = _name_corners(sight, alone, grids)
+    zooms = reading_zooms(sight.pyramid.size, sight.families)
+    alone = read_alone(sight.pyramid, sight.families, zooms[:1])
+    known = _no_grids(sight) if grids is None else grids
+    found = _name_corners(sight, alone, known)
+    for coarse, zoom in pairwise(zooms):
+        fresh = _read_closer(sight, found, alone, coarse, zoom)
+        if len(fresh):
+            alone = SeenMarkers.joined([alone, fresh])
+            found = _name_corners(sight, alone, known, found, set(fresh.board.tolist()))
+    if grids is None:
+        # Boards of which markers are read, too few or too badly to say where it is.
+        unsure = set(alone.board.tolist()) - found.boards
+        if unsure:
+            parts = [
+                _part_around_read(sight, group, _MARGIN)
+                for index in sorted(unsure)
+                for group in _list_agreeing(sight, alone.of(index))
+            ]
+            known = _search_grids(image, parts)
+            found = _name_corners(sight, alone, known, found, unsure)
+    marked = found.marked(len(known.grids))
     measured = with_sides_seen(target, alone)
-    if measured is None:
-        return found
-    return max(found, _name_corners(replace(sight, target=measured), alone, grids), key=len)
+    if measured is not None:
+        other = _name_corners(replace(sight, target=measured), alone, known)
+        marked = max(marked, other.marked(len(known.grids)), key=len)
+    if grids is not None:
+        return marked
+    if not len(marked):
+        marked = _find_closely_where_read(image, sight, alone) or marked
+    return replace(marked, grid_board=_NO_GRIDS)
 
 
-def _name_corners(sight: Sight, alone: SeenMarkers, grids: FoundGrids) -> MarkedCorners:
-    """What markers that were read alone, and those in the squares of grids, name."""
+def _no_grids(sight: Sight) -> FoundGrids:
+    return FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=sight.pyramid.size)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Named:
+    """What markers name in a photo.
+
+    Attributes:
+        pieces: the boards.
+        contradictory: indices of boards that were left out, see :class:`MarkedCorners`.
+
+    """
+
+    pieces: list[Piece]
+    contradictory: set[int]
+
+    @property
+    def boards(self) -> set[int]:
+        """Indices of all boards that markers place, in one place or in several."""
+        return {piece.board for piece in self.pieces} | self.contradictory
+
+    def marked(self, grids: int) -> MarkedCorners:
+        """The corners, of so many grids that were given."""
+        return _make_marked(self.pieces, grids, tuple(sorted(self.contradictory)))
+
+
+def _read_closer(
+    sight: Sight, found: _Named, known: SeenMarkers, coarse: float, zoom: float
+) -> SeenMarkers:
+    """Markers that a photo reduced ``zoom`` times shows of what one reduced ``coarse`` may hide.
+
+    That are boards of which nothing is seen, and those whose open ends have small markers.
+    """
+    pyramid, families = sight.pyramid, sight.families
+    boards = [k for k, board in enumerate(sight.target.boards) if board.markers is not None]
+    whole = Part.whole(pyramid.size)
+    parts = [part for piece in found.pieces if (part := _small_part(sight, piece, coarse))]
+    if found.boards < set(boards) or sum(part.pixels for part in parts) > whole.pixels:
+        parts = [whole]
+    photo = hidden(pyramid.levels[0], [piece.lattice for piece in found.pieces]) if parts else None
+    read = [read_alone(pyramid, families, [zoom], part, photo) for part in parts]
+    return _drop_known(SeenMarkers.joined([NO_MARKERS, *read]), known, found)
+
+
+def _small_part(sight: Sight, piece: Piece, coarse: float) -> Part | None:
+    """Where a board may go on with markers too small for a photo reduced ``coarse`` times."""
+    ends = OpenEnds.of(sight.pyramid, piece.lattice)
+    modules = min(
+        family.size + 2 * family.border
+        for family in sight.families
+        if (family.board == piece.board).any()
+    )
+    side = marker_ratio(piece.lattice.board) * ends.side
+    ends = ends.select(side < _CLEAR_MODULE_PX * modules * coarse)
+    return ends.part(sight.pyramid.size) if len(ends) else None
+
+
+def _list_agreeing(sight: Sight, own: SeenMarkers) -> list[SeenMarkers]:
+    """Markers of a board, at least one, by the place that they agree on."""
+    label = group_agreeing(own, sight.target.boards[own.board[0]])
+    return [own.select(label == place) for place in np.unique(label)]
+
+
+def _part_around_read(sight: Sight, markers: SeenMarkers, squares: float) -> Part:
+    """What lies within so many squares (tags) of markers of one board."""
+    outline = markers.pixel
+    side = np.linalg.norm(outline - np.roll(outline, -1, axis=1), axis=2).max(axis=1)
+    margin = squares * side / marker_ratio(sight.target.boards[markers.board[0]])
+    return Part.around(outline.mean(axis=1), margin, sight.pyramid.size)
+
+
+def _drop_known(fresh: SeenMarkers, known: SeenMarkers, found: _Named) -> SeenMarkers:
+    """Markers that are not among the known ones, and may say more than is known of their board."""
+    if len(fresh) and len(known):
+        distance, index = nearest(fresh.pixel.mean(axis=1), known.pixel.mean(axis=1), 1)
+        same = distance[:, 0] < 0.5 * shortest_side(fresh.pixel)
+        same &= fresh.board == known.board[index[:, 0]]
+        same &= (fresh.cell == known.cell[index[:, 0]]).all(axis=1)
+        fresh = fresh.select(~same)
+    for piece in found.pieces:
+        rows = np.flatnonzero(fresh.board == piece.board)
+        corner = cell_corners(piece.lattice.board, fresh.cell[rows])
+        fresh = fresh.select(
+            np.delete(np.arange(len(fresh)), rows[piece.lattice.are_known(corner)])
+        )
+    return fresh
+
+
+def _search_grids(image: npt.NDArray[np.generic], parts: list[Part]) -> FoundGrids:
+    """Grids in parts of a photo."""
+    height, width = image.shape
+    if sum(part.pixels for part in parts) >= height * width:
+        return find_grids(image)
+    grids, refused = [], [np.zeros((0, 2))]
+    for part in parts:
+        found = find_grids(part.of(image))
+        grids += [replace(grid, pixel=part.back(grid.pixel)) for grid in found.grids]
+        refused.append(part.back(found.refused))
+    return FoundGrids(
+        grids=tuple(grids), refused=np.concatenate(refused), image_size=(width, height)
+    )
+
+
+def _find_closely_where_read(
+    image: npt.NDArray[np.generic], sight: Sight, alone: SeenMarkers
+) -> MarkedCorners | None:
+    """Corners around markers that are read and name none, in the photo at twice its size."""
+    if not len(alone) or 4 * image.size > MOST_PIXELS:
+        return None
+    groups = [
+        group
+        for index in np.unique(alone.board).tolist()
+        for group in _list_agreeing(sight, alone.of(index))
+    ]
+    most = max(len(group) for group in groups)
+    parts = []
+    for group in groups:
+        board = sight.target.boards[group.board[0]]
+        if len(group) == most:
+            corners = board.plane_points([0, board.columns - 1], [0, board.rows - 1])
+            extent = float(np.ptp(corners, axis=0).max() / board.square)
+            parts.append(_part_around_read(sight, group, extent + 2))
+    part = Part.joined(parts)
+    found = _find_closely(part.of(image), sight.target, None)
+    return replace(found, pixel=part.back(found.pixel))
+
+
+def _name_corners(
+    sight: Sight,
+    alone: SeenMarkers,
+    grids: FoundGrids,
+    before: _Named | None = None,
+    again: set[int] | None = None,
+) -> _Named:
+    """What markers that were read alone, and those in the squares of grids, name.
+
+    What is known ``before`` of other boards than those to be looked at ``again`` stays.
+    """
     boards = sight.target.boards
+    done = [] if before is None else [p for p in before.pieces if p.board not in (again or ())]
+    for kept_piece in done:
+        note_grids(kept_piece, grids.grids)
+    settled = {kept_piece.board for kept_piece in done}
     markers = all_read(sight, grids, alone)
     free = cKDTree(np.concatenate([grids.refused, *(grid.pixel for grid in grids.grids)]))
     pieces: list[Piece] = []
     refuted = np.zeros(len(boards), np.intp)
     for index in np.unique(markers.board).tolist():
+        if index in settled:
+            continue
         own = markers.of(index)
         label = group_agreeing(own, boards[index])
         for place in np.unique(label):
@@ -180,7 +371,8 @@ def _name_corners(sight: Sight, alone: SeenMarkers, grids: FoundGrids) -> Marked
                 pieces.append(piece)
             elif piece.markers > 1:
                 refuted[index] += piece.markers
-    kept, contradictory = merge_pieces(sorted(pieces, key=lambda piece: -piece.markers))
+    pieces.sort(key=lambda piece: -piece.markers)
+    kept, contradictory = merge_pieces([*done, *pieces])
     named = {number for piece in kept for number in piece.grids}
     out = contradictory | set(np.flatnonzero(refuted).tolist())
     for number in sorted(set(range(len(grids.grids))) - named):
@@ -189,27 +381,29 @@ def _name_corners(sight: Sight, alone: SeenMarkers, grids: FoundGrids) -> Marked
             continue
         lattice = BoardLattice(board=boards[one.board])
         lattice.put(one.cells, grids.grids[number].pixel)
+        verify(sight.pyramid, lattice)
         piece = Piece(board=one.board, lattice=lattice, markers=one.markers, grids={number})
         extend(sight.pyramid, piece, grids.grids, free)
         merged, against = merge_pieces([*kept, piece])
         kept = kept if against else merged
     refuted[[piece.board for piece in kept]] = 0
     contradictory |= set(np.nonzero(refuted >= _NO_ACCIDENT)[0].tolist())
-    return _make_marked(kept, len(grids.grids), tuple(sorted(contradictory)))
+    return _Named(pieces=kept, contradictory=contradictory)
 
 
 def _find_closely(
-    image: npt.NDArray[np.generic], target: Target, grids: FoundGrids
+    image: npt.NDArray[np.generic], target: Target, grids: FoundGrids | None
 ) -> MarkedCorners:
     """As :func:`_find` at twice the size; what the photo itself shows says where corners are."""
-    larger = [
-        replace(grid, pixel=enlarged(grid.pixel, 1 / CLOSE), step=grid.step / CLOSE)
-        for grid in grids.grids
-    ]
-    refused = enlarged(grids.refused, 1 / CLOSE)
-    found = _find(
-        reduced(image, CLOSE), target, replace(grids, grids=tuple(larger), refused=refused)
-    )
+    larger = None
+    if grids is not None:
+        scaled = [
+            replace(grid, pixel=enlarged(grid.pixel, 1 / CLOSE), step=grid.step / CLOSE)
+            for grid in grids.grids
+        ]
+        refused = enlarged(grids.refused, 1 / CLOSE)
+        larger = replace(grids, grids=tuple(scaled), refused=refused)
+    found = _find(reduced(image, CLOSE), target, larger)
     pyramid, pixel = build_pyramid(image), enlarged(found.pixel, CLOSE)
     for index in np.unique(found.board):
         rows = np.flatnonzero(found.board == index)
@@ -222,7 +416,7 @@ def _find_closely(
 
 
 def _find_outlined(
-    image: npt.NDArray[np.generic], target: Target, grids: FoundGrids
+    image: npt.NDArray[np.generic], target: Target, _grids: FoundGrids | None
 ) -> MarkedCorners:
     """As :func:`_find`, of outlines alone."""
     sight = Sight.of(image, target)
@@ -239,7 +433,7 @@ def _find_outlined(
             continue
         lattice = placed(sight, index, own, label == place, cKDTree(np.zeros((0, 2))))
         pieces.append(Piece(board=index, lattice=lattice, markers=agreeing[place]))
-    return _make_marked(pieces, len(grids.grids), ())
+    return _make_marked(pieces, 0, ())
 
 
 def _make_marked(pieces: list[Piece], grids: int, contradictory: tuple[int, ...]) -> MarkedCorners:

@@ -94,14 +94,24 @@ def placed(
 
 
 def extend(pyramid: Pyramid, piece: Piece, grids: tuple[Grid, ...], free: cKDTree) -> None:
-    """Add what else of the board can be seen, and drop what is no corner."""
+    """Add what else of the board can be seen, and drop what is no corner.
+
+    The piece's own corners are refined and judged.
+    """
     lattice = piece.lattice
     for _ in range(2):
+        judged = lattice.known
         _absorb(piece, grids)
         grow(pyramid, lattice, free)
         clean(lattice)
+        if (lattice.known == judged).all():
+            return
+        grown = lattice.known
         verify(pyramid, lattice)
         clean(lattice)
+        # Growth that finds nothing more looked around all of these corners.
+        if (lattice.known == grown).all():
+            return
 
 
 def _make_seeds(board: Board, cell: IntArray, outline: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -129,6 +139,12 @@ def _absorb(piece: Piece, grids: tuple[Grid, ...]) -> None:
         piece.grids.add(number)
         fresh = ~lattice.known[names[:, 0], names[:, 1]]
         lattice.put(names[fresh], grid.pixel[fresh])
+
+
+def note_grids(piece: Piece, grids: tuple[Grid, ...]) -> None:
+    """Set which grids are parts of the piece, and leave its corners as they are."""
+    named = (_name_grid(piece.lattice, grid) for grid in grids)
+    piece.grids = {number for number, names in enumerate(named) if names is not None}
 
 
 def _name_grid(lattice: BoardLattice, grid: Grid) -> IntArray | None:

@@ -54,14 +54,18 @@ class Pyramid:
             & (pixel[:, 1] <= height - 1 - margin)
         )
 
+    def levels_of(self, step: FloatArray) -> npt.NDArray[np.intp]:
+        """Levels (N,) at which square sides (N,) of the photo are 24 to 48 px, if any are."""
+        level = np.log2(np.maximum(step, 1.0) / 24.0).astype(np.intp)
+        return np.clip(level, 0, len(self.levels) - 1)
+
     def sample(self, points: FloatArray, step: FloatArray) -> Float32Array:
         """Sample (N, ..., 2) pixels, each row at the level that suits its square side (N,).
 
         The level keeps a square at 24 to 48 px, so that large squares are averaged and small
         ones are seen at full size. Returns (N, ...).
         """
-        level = np.log2(np.maximum(step, 1.0) / 24.0).astype(int)
-        level = np.clip(level, 0, len(self.levels) - 1)
+        level = self.levels_of(step)
         result = np.empty(points.shape[:-1], np.float32)
         for k in np.unique(level):
             rows = level == k
