@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from cubicfish_cli.core.target import Target
@@ -26,11 +27,12 @@ from cubicfish_cli.corners.detection.markers_detect import (
     NO_MARKERS,
     SeenMarkers,
     Sight,
+    find_outlines,
     reading_zooms,
 )
 from cubicfish_cli.corners.detection.markers_lattice import BoardLattice, verify
 from cubicfish_cli.corners.detection.markers_measure import with_sides_seen
-from cubicfish_cli.corners.detection.markers_missing import OpenEnds, Part, hidden
+from cubicfish_cli.corners.detection.markers_missing import OpenEnds, Part, hidden, hidden_around
 from cubicfish_cli.corners.detection.markers_pieces import (
     Piece,
     agrees,
@@ -39,6 +41,7 @@ from cubicfish_cli.corners.detection.markers_pieces import (
     note_grids,
     piece_of,
     placed,
+    take_in,
 )
 from cubicfish_cli.corners.detection.markers_read import (
     all_read,
@@ -57,6 +60,9 @@ _CLEAR_MODULE_PX = 4.0
 # A grid that has the corners around markers, and those next to them, says where a board is: so many
 # squares (tags) from the middles of its markers. It grows from there.
 _MARGIN = 3.0
+# Dark squares of one size, so near to each other, are beside each other in a board; fewer than so
+# many are too few to name it.
+_BESIDE, _ALIKE, _SQUARES = 3.0, 1.6, 4
 _NO_GRIDS = np.zeros(0, np.intp)
 # Where nothing else vouches for markers, so many must agree.
 _AGREEING = 2
@@ -185,19 +191,13 @@ def _find(
     for coarse, zoom in pairwise(zooms):
         fresh = _read_closer(sight, found, alone, coarse, zoom)
         if len(fresh):
-            alone = SeenMarkers.joined([alone, fresh])
-            found = _name_corners(sight, alone, known, found, set(fresh.board.tolist()))
+            found, alone = _add_fresh(sight, found, alone, fresh, known)
     if grids is None:
-        # Boards of which markers are read, too few or too badly to say where it is.
-        unsure = set(alone.board.tolist()) - found.boards
-        if unsure:
-            parts = [
-                _part_around_read(sight, group, _MARGIN)
-                for index in sorted(unsure)
-                for group in _list_agreeing(sight, alone.of(index))
-            ]
+        unseen = _list_marked(sight) - found.boards
+        parts = _list_parts_with_squares(sight, found, alone, unseen)
+        if parts:
             known = _search_grids(image, parts)
-            found = _name_corners(sight, alone, known, found, unsure)
+            found = _name_corners(sight, alone, known, found, unseen)
     marked = found.marked(len(known.grids))
     measured = with_sides_seen(target, alone)
     if measured is not None:
@@ -237,6 +237,33 @@ class _Named:
         return _make_marked(self.pieces, grids, tuple(sorted(self.contradictory)))
 
 
+def _list_marked(sight: Sight) -> set[int]:
+    """Indices of the boards that have markers."""
+    return {k for k, board in enumerate(sight.target.boards) if board.markers is not None}
+
+
+def _add_fresh(
+    sight: Sight, found: _Named, known: SeenMarkers, fresh: SeenMarkers, grids: FoundGrids
+) -> tuple[_Named, SeenMarkers]:
+    """What is found with more markers than the known ones, and all of them."""
+    both = SeenMarkers.joined([known, fresh])
+    again = set()
+    for index in np.unique(fresh.board).tolist():
+        own, old = fresh.of(index), known.of(index)
+        piece = next((one for one in found.pieces if one.board == index), None)
+        label = group_agreeing(SeenMarkers.joined([old, own]), sight.target.boards[index])
+        if piece is None or not np.isin(label, label[: len(old)]).all():
+            again.add(index)
+            continue
+        take_in(sight.pyramid, piece, own, grids.grids, _make_tree(grids))
+    return (_name_corners(sight, both, grids, found, again) if again else found), both
+
+
+def _make_tree(grids: FoundGrids) -> cKDTree:
+    """The corners of grids, and those of none."""
+    return cKDTree(np.concatenate([grids.refused, *(grid.pixel for grid in grids.grids)]))
+
+
 def _read_closer(
     sight: Sight, found: _Named, known: SeenMarkers, coarse: float, zoom: float
 ) -> SeenMarkers:
@@ -245,10 +272,9 @@ def _read_closer(
     That are boards of which nothing is seen, and those whose open ends have small markers.
     """
     pyramid, families = sight.pyramid, sight.families
-    boards = [k for k, board in enumerate(sight.target.boards) if board.markers is not None]
     whole = Part.whole(pyramid.size)
     parts = [part for piece in found.pieces if (part := _small_part(sight, piece, coarse))]
-    if found.boards < set(boards) or sum(part.pixels for part in parts) > whole.pixels:
+    if found.boards < _list_marked(sight) or sum(part.pixels for part in parts) > whole.pixels:
         parts = [whole]
     photo = hidden(pyramid.levels[0], [piece.lattice for piece in found.pieces]) if parts else None
     read = [read_alone(pyramid, families, [zoom], part, photo) for part in parts]
@@ -266,6 +292,39 @@ def _small_part(sight: Sight, piece: Piece, coarse: float) -> Part | None:
     side = marker_ratio(piece.lattice.board) * ends.side
     ends = ends.select(side < _CLEAR_MODULE_PX * modules * coarse)
     return ends.part(sight.pyramid.size) if len(ends) else None
+
+
+def _list_parts_with_squares(
+    sight: Sight, found: _Named, alone: SeenMarkers, unseen: set[int]
+) -> list[Part]:
+    """Where a search for grids may show boards that are not found.
+
+    That are places with markers of theirs, too few or too badly seen to say where the board is,
+    and, where other boards are found, those with more dark squares than an accident has.
+    """
+    groups = [
+        group
+        for index in sorted(unseen & set(alone.board.tolist()))
+        for group in _list_agreeing(sight, alone.of(index))
+    ]
+    parts = [_part_around_read(sight, group, _MARGIN) for group in groups]
+    if not unseen or not found.pieces:
+        return parts
+    photo = hidden_around(sight.pyramid.levels[0], [piece.lattice for piece in found.pieces])
+    zooms = [zoom for zoom in reading_zooms(sight.pyramid.size, sight.families) if zoom >= 1]
+    outline = np.concatenate([find_outlines(photo, sight.families, zoom) for zoom in zooms])
+    side = np.linalg.norm(outline - np.roll(outline, -1, axis=1), axis=2).mean(axis=1)
+    middle = outline.mean(axis=1)
+    apart = np.linalg.norm(middle[:, None] - middle, axis=-1)
+    smaller, larger = np.minimum(side[:, None], side), np.maximum(side[:, None], side)
+    beside = (apart < _BESIDE * smaller) & (larger < _ALIKE * smaller)
+    label = connected_components(beside, directed=False)[1] if len(outline) else side
+    for number in np.unique(label):
+        rows = label == number
+        if rows.sum() >= _SQUARES:
+            margin = _MARGIN * side[rows]
+            parts.append(Part.around(middle[rows], margin, sight.pyramid.size))
+    return parts
 
 
 def _list_agreeing(sight: Sight, own: SeenMarkers) -> list[SeenMarkers]:
@@ -355,7 +414,7 @@ def _name_corners(
         note_grids(kept_piece, grids.grids)
     settled = {kept_piece.board for kept_piece in done}
     markers = all_read(sight, grids, alone)
-    free = cKDTree(np.concatenate([grids.refused, *(grid.pixel for grid in grids.grids)]))
+    free = _make_tree(grids)
     pieces: list[Piece] = []
     refuted = np.zeros(len(boards), np.intp)
     for index in np.unique(markers.board).tolist():

@@ -127,10 +127,26 @@ def _measure_shown(pyramid: Pyramid, fit: LocalFit, closest: float) -> FloatArra
 
 def hidden(photo: Float32Array, lattices: Sequence[BoardLattice]) -> Float32Array:
     """A copy of a photo in which the squares between known corners are an even grey."""
-    photo = photo.copy()
+    shapes = []
     for lattice in lattices:
         first = np.stack(np.meshgrid(*map(np.arange, lattice.known.shape), indexing="ij"), axis=-1)
-        _, pixel = lattice.whole_squares(first.reshape(-1, 1, 2) + AROUND_SQUARE)
-        grey = float(np.mean(photo[tuple(np.rint(pixel.reshape(-1, 2)).astype(int).T[::-1])]))
-        cv2.fillPoly(photo, list(np.rint(pixel).astype(np.int32)), grey)
-    return photo
+        shapes.append(lattice.whole_squares(first.reshape(-1, 1, 2) + AROUND_SQUARE)[1])
+    return _paint(photo, shapes)
+
+
+def hidden_around(photo: Float32Array, lattices: Sequence[BoardLattice]) -> Float32Array:
+    """The same of all squares (tags) that have a known corner, those beyond the outermost too."""
+    around = np.asarray(2 * AROUND_SQUARE - 1, float)
+    return _paint(photo, [lattice.fit(lattice.cells()).at(around) for lattice in lattices])
+
+
+def _paint(photo: Float32Array, shapes: Sequence[FloatArray]) -> Float32Array:
+    """A copy of a photo with quadrangles (N, 4, 2) of several boards in one grey each."""
+    painted = photo.copy()
+    last = np.array(photo.shape[::-1]) - 1
+    for shape in shapes:
+        corner = np.rint(shape.reshape(-1, 2)).clip(0, last).astype(int)
+        grey = float(np.mean(photo[corner[:, 1], corner[:, 0]])) if len(corner) else 0.0
+        for one in np.rint(shape).clip(-30_000, 30_000).astype(np.int32):
+            cv2.fillConvexPoly(painted, one, grey)
+    return painted

@@ -81,16 +81,33 @@ def placed(
     sight: Sight, index: int, markers: SeenMarkers, chosen: BoolArray, free: cKDTree
 ) -> BoardLattice:
     """The corners around the chosen markers, each where a saddle is seen nearby."""
-    board = sight.target.boards[index]
-    lattice = BoardLattice(board=board)
-    cells, pixel = _make_seeds(board, markers.cell[chosen], markers.pixel[chosen])
-    lattice.put(cells, pixel)
-    cells = lattice.cells()
-    fit = lattice.fit(cells)
-    pixel, found = snap_named(sight.pyramid, lattice, lattice.at(cells), fit, free)
-    lattice.put(cells, np.where((found & fit.sound)[:, None], pixel, np.nan))
+    lattice = BoardLattice(board=sight.target.boards[index])
+    _put_seeds(sight.pyramid, lattice, markers.select(chosen), free)
     clean(lattice)
     return lattice
+
+
+def take_in(
+    pyramid: Pyramid, piece: Piece, markers: SeenMarkers, grids: tuple[Grid, ...], free: cKDTree
+) -> None:
+    """Grow a piece on from more markers of its board, which agree about where it is."""
+    _put_seeds(pyramid, piece.lattice, markers, free)
+    piece.markers += len(np.unique(markers.cell, axis=0))
+    verify(pyramid, piece.lattice)
+    extend(pyramid, piece, grids, free)
+
+
+def _put_seeds(
+    pyramid: Pyramid, lattice: BoardLattice, markers: SeenMarkers, free: cKDTree
+) -> None:
+    """Put the unknown corners around markers where a saddle is seen nearby."""
+    cells, pixel = _make_seeds(lattice.board, markers.cell, markers.pixel)
+    fresh = ~lattice.known[cells[:, 0], cells[:, 1]]
+    cells = cells[fresh]
+    lattice.put(cells, pixel[fresh])
+    fit = lattice.fit(cells)
+    pixel, found = snap_named(pyramid, lattice, lattice.at(cells), fit, free)
+    lattice.put(cells, np.where((found & fit.sound)[:, None], pixel, np.nan))
 
 
 def extend(pyramid: Pyramid, piece: Piece, grids: tuple[Grid, ...], free: cKDTree) -> None:
