@@ -7,7 +7,6 @@ that agree with each other about where the board is; what they contradict is lef
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -114,7 +113,8 @@ def find_marked_corners(
         closely: search the photo at twice its size, for markers half as small.
 
     """
-    return _find_however_printed(_find_closely if closely else _find, image, target, grids)
+    find = _find_closely if closely else _find_as_closely_as_needed
+    return _find_however_printed(find, image, target, grids)
 
 
 def outlined_corners(image: npt.NDArray[np.generic], target: Target) -> MarkedCorners:
@@ -179,35 +179,54 @@ def _join_both(one: MarkedCorners, other: MarkedCorners) -> MarkedCorners:
     )
 
 
-def _find(
+def _find_as_closely_as_needed(
     image: npt.NDArray[np.generic], target: Target, grids: FoundGrids | None
 ) -> MarkedCorners:
-    """The same for dark markers in a photo that is not mirrored."""
+    """The same for dark markers in a photo that is not mirrored.
+
+    Where no grids are given, and markers name nothing, the photo is searched at twice its size
+    around those that agree where a board is.
+    """
+    marked, read = _find(image, target, grids)
+    if len(marked) or grids is not None or 4 * image.size > MOST_PIXELS:
+        return marked
+    sight, alone = read
+    parts = _list_parts_of_boards(sight, alone)
+    if not parts:
+        return marked
+    part = Part.joined(parts)
+    found = _find_closely(part.of(image), target, None)
+    return replace(found, pixel=part.back(found.pixel)) if len(found) else marked
+
+
+def _find(
+    image: npt.NDArray[np.generic], target: Target, grids: FoundGrids | None
+) -> tuple[MarkedCorners, tuple[Sight, SeenMarkers]]:
+    """What is found in a photo at its own size, and the markers that were read alone."""
     sight = Sight.of(image, target)
     zooms = reading_zooms(sight.pyramid.size, sight.families)
     alone = read_alone(sight.pyramid, sight.families, zooms[:1])
     known = _no_grids(sight) if grids is None else grids
     found = _name_corners(sight, alone, known)
-    for coarse, zoom in pairwise(zooms):
-        fresh = _read_closer(sight, found, alone, coarse, zoom)
+    for number, zoom in enumerate(zooms[1:], start=1):
+        fresh = _read_closer(sight, found, alone, min(zooms[:number]), zoom)
         if len(fresh):
             found, alone = _add_fresh(sight, found, alone, fresh, known)
     if grids is None:
-        unseen = _list_marked(sight) - found.boards
-        parts = _list_parts_with_squares(sight, found, alone, unseen)
-        if parts:
-            known = _search_grids(image, parts)
-            found = _name_corners(sight, alone, known, found, unseen)
+        for list_parts in (_list_parts_with_markers, _list_parts_with_squares):
+            unseen = _list_marked(sight) - found.boards
+            parts = list_parts(sight, found, alone, unseen) if unseen else []
+            if parts:
+                known = _search_grids(image, parts)
+                found = _name_corners(sight, alone, known, found, unseen)
     marked = found.marked(len(known.grids))
     measured = with_sides_seen(target, alone)
     if measured is not None:
         other = _name_corners(replace(sight, target=measured), alone, known)
         marked = max(marked, other.marked(len(known.grids)), key=len)
-    if grids is not None:
-        return marked
-    if not len(marked):
-        marked = _find_closely_where_read(image, sight, alone) or marked
-    return replace(marked, grid_board=_NO_GRIDS)
+    if grids is None:
+        marked = replace(marked, grid_board=_NO_GRIDS)
+    return marked, (sight, alone)
 
 
 def _no_grids(sight: Sight) -> FoundGrids:
@@ -267,13 +286,15 @@ def _make_tree(grids: FoundGrids) -> cKDTree:
 def _read_closer(
     sight: Sight, found: _Named, known: SeenMarkers, coarse: float, zoom: float
 ) -> SeenMarkers:
-    """Markers that a photo reduced ``zoom`` times shows of what one reduced ``coarse`` may hide.
+    """Markers that a photo reduced ``zoom`` times shows where one reduced ``coarse`` may hide some.
 
-    That are boards of which nothing is seen, and those whose open ends have small markers.
+    These may be of boards of which nothing is seen, and at open ends with small markers.
     """
     pyramid, families = sight.pyramid, sight.families
     whole = Part.whole(pyramid.size)
-    parts = [part for piece in found.pieces if (part := _small_part(sight, piece, coarse))]
+    parts = []
+    if zoom < coarse:
+        parts = [part for piece in found.pieces if (part := _small_part(sight, piece, coarse))]
     if found.boards < _list_marked(sight) or sum(part.pixels for part in parts) > whole.pixels:
         parts = [whole]
     photo = hidden(pyramid.levels[0], [piece.lattice for piece in found.pieces]) if parts else None
@@ -294,22 +315,21 @@ def _small_part(sight: Sight, piece: Piece, coarse: float) -> Part | None:
     return ends.part(sight.pyramid.size) if len(ends) else None
 
 
-def _list_parts_with_squares(
-    sight: Sight, found: _Named, alone: SeenMarkers, unseen: set[int]
+def _list_parts_with_markers(
+    sight: Sight, _found: _Named, alone: SeenMarkers, unseen: set[int]
 ) -> list[Part]:
-    """Where a search for grids may show boards that are not found.
+    """Where markers of unseen boards are, too few or too badly read to say where all of it is."""
+    boards = sorted(unseen & set(alone.board.tolist()))
+    groups = [group for index in boards for group in _list_agreeing(sight, alone.of(index))]
+    return [_part_around_read(sight, group, _MARGIN) for group in groups]
 
-    That are places with markers of theirs, too few or too badly seen to say where the board is,
-    and, where other boards are found, those with more dark squares than an accident has.
-    """
-    groups = [
-        group
-        for index in sorted(unseen & set(alone.board.tolist()))
-        for group in _list_agreeing(sight, alone.of(index))
-    ]
-    parts = [_part_around_read(sight, group, _MARGIN) for group in groups]
-    if not unseen or not found.pieces:
-        return parts
+
+def _list_parts_with_squares(
+    sight: Sight, found: _Named, _alone: SeenMarkers, _unseen: set[int]
+) -> list[Part]:
+    """Where more dark squares are than an accident has, and none of the boards that are found."""
+    if not found.pieces:
+        return []
     photo = hidden_around(sight.pyramid.levels[0], [piece.lattice for piece in found.pieces])
     zooms = [zoom for zoom in reading_zooms(sight.pyramid.size, sight.families) if zoom >= 1]
     outline = np.concatenate([find_outlines(photo, sight.families, zoom) for zoom in zooms])
@@ -319,6 +339,7 @@ def _list_parts_with_squares(
     smaller, larger = np.minimum(side[:, None], side), np.maximum(side[:, None], side)
     beside = (apart < _BESIDE * smaller) & (larger < _ALIKE * smaller)
     label = connected_components(beside, directed=False)[1] if len(outline) else side
+    parts = []
     for number in np.unique(label):
         rows = label == number
         if rows.sum() >= _SQUARES:
@@ -373,28 +394,27 @@ def _search_grids(image: npt.NDArray[np.generic], parts: list[Part]) -> FoundGri
     )
 
 
-def _find_closely_where_read(
-    image: npt.NDArray[np.generic], sight: Sight, alone: SeenMarkers
-) -> MarkedCorners | None:
-    """Corners around markers that are read and name none, in the photo at twice its size."""
-    if not len(alone) or 4 * image.size > MOST_PIXELS:
-        return None
+def _list_parts_of_boards(sight: Sight, alone: SeenMarkers) -> list[Part]:
+    """Where boards may be of which most markers agree where they are, at least two."""
     groups = [
         group
         for index in np.unique(alone.board).tolist()
         for group in _list_agreeing(sight, alone.of(index))
     ]
-    most = max(len(group) for group in groups)
+    most = max(map(_count_markers, groups), default=0)
     parts = []
     for group in groups:
         board = sight.target.boards[group.board[0]]
-        if len(group) == most:
+        if _count_markers(group) == most >= _AGREEING:
             corners = board.plane_points([0, board.columns - 1], [0, board.rows - 1])
             extent = float(np.ptp(corners, axis=0).max() / board.square)
             parts.append(_part_around_read(sight, group, extent + 2))
-    part = Part.joined(parts)
-    found = _find_closely(part.of(image), sight.target, None)
-    return replace(found, pixel=part.back(found.pixel))
+    return parts
+
+
+def _count_markers(markers: SeenMarkers) -> int:
+    """How many markers there are of one board, each counted once."""
+    return len(np.unique(markers.cell, axis=0))
 
 
 def _name_corners(
@@ -462,7 +482,7 @@ def _find_closely(
         ]
         refused = enlarged(grids.refused, 1 / CLOSE)
         larger = replace(grids, grids=tuple(scaled), refused=refused)
-    found = _find(reduced(image, CLOSE), target, larger)
+    found, _ = _find(reduced(image, CLOSE), target, larger)
     pyramid, pixel = build_pyramid(image), enlarged(found.pixel, CLOSE)
     for index in np.unique(found.board):
         rows = np.flatnonzero(found.board == index)

@@ -25,9 +25,9 @@ from cubicfish_cli.corners.detection.pyramid import (
 _SMALLEST_MODULE_PX = 1.6
 # Photos smaller than this are not halved, larger ones not doubled.
 _LEAST_PX, _MOST_DOUBLED_PX = 200, 5_000_000
-# Outlines are looked for in a photo of at most so many pixels first: boards that fill a good part
-# of it have markers of 20 px there.
-_COARSE_PX = 1_000_000
+# Outlines are looked for in a photo of at most so many pixels first. Markers whose modules are
+# 1.6 px are read in it: those of a board of 20 x 20 squares that fills a quarter of it.
+_COARSE_PX = 2_000_000
 _SMALLEST_PHOTO_PX = 8
 # Sides in strong distortion are curved: how far a contour may leave its quadrangle, as a share
 # of its length.
@@ -167,9 +167,10 @@ def _make_family(name: str, border: int, ids: IntArray, board: IntArray, *, tags
 
 
 def reading_zooms(size: tuple[int, int], all_families: list[Family]) -> list[float]:
-    """How much a photo of (width, height) is reduced to look for outlines, coarse first.
+    """How much a photo of (width, height) is reduced to look for outlines, in order.
 
-    It is halved until it is small, and doubled at last unless it is large.
+    It is halved until it is small, at first; then it is larger each time, and doubled at last
+    unless it is large. What one shows is not looked for in the next.
     """
     pixels = size[0] * size[1]
     zooms = [1.0]
@@ -178,7 +179,7 @@ def reading_zooms(size: tuple[int, int], all_families: list[Family]) -> list[flo
     joined = any(family.joined for family in all_families)
     if joined and min(size) >= _LEAST_PX * zooms[0]:
         # Where tags touch the squares between them, each size of the photo parts others.
-        zooms.insert(0, 2 * zooms[0])
+        zooms.insert(1, 2 * zooms[0])
     return zooms if pixels > _MOST_DOUBLED_PX else [*zooms, CLOSE]
 
 

@@ -235,7 +235,8 @@ def _try_corners_near(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray) 
     cells, fit = _predict(pyramid, lattice, cells)
     if not len(cells):
         return False
-    place, row = corners_near(pyramid, fit.pixel, _measure_longest(fit) * lattice.search, fit.side)
+    travel, side = lattice.search * _measure_longest(fit), lattice.closest * fit.side
+    place, row = corners_near(pyramid, fit.pixel, travel, side)
     if not len(place):
         return False
     away = fit.select(row).cells_away(place)
