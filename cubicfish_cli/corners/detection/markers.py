@@ -5,6 +5,8 @@ markers cannot be read, as in the rim of a fisheye photo. A name must be support
 that agree with each other about where the board is; what they contradict is left nameless.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -95,6 +97,17 @@ class MarkedCorners:
         """Return the number of corners."""
         return len(self.board)
 
+    def without(self, board: int) -> MarkedCorners:
+        """All but the corners of one board."""
+        rows = self.board != board
+        return replace(
+            self,
+            board=self.board[rows],
+            column=self.column[rows],
+            row=self.row[rows],
+            pixel=self.pixel[rows],
+        )
+
 
 def find_marked_corners(
     image: npt.NDArray[np.generic],
@@ -184,25 +197,45 @@ def _find_as_closely_as_needed(
 ) -> MarkedCorners:
     """The same for dark markers in a photo that is not mirrored.
 
-    Where no grids are given, and markers name nothing, the photo is searched at twice its size
-    around those that agree where a board is.
+    Where no grids are given, boards of small squares that are not wholly found are looked for at
+    twice the size, in their part of the photo.
     """
-    marked, read = _find(image, target, grids)
-    if len(marked) or grids is not None or 4 * image.size > MOST_PIXELS:
+    marked, seen = _find(image, target, grids)
+    if grids is not None or 4 * image.size > MOST_PIXELS:
         return marked
-    sight, alone = read
-    parts = _list_parts_of_boards(sight, alone)
-    if not parts:
-        return marked
-    part = Part.joined(parts)
-    found = _find_closely(part.of(image), target, None)
-    return replace(found, pixel=part.back(found.pixel)) if len(found) else marked
+    for index, part in [*_list_small_boards(seen), *(() if len(marked) else _list_hinted(seen))]:
+        found = _find_closely(part.of(image), _with_markers_of_one(target, index), None)
+        if len(found) > np.count_nonzero(marked.board == index):
+            marked = _join_both(marked.without(index), replace(found, pixel=part.back(found.pixel)))
+    return marked
+
+
+def _with_markers_of_one(target: Target, index: int) -> Target:
+    """The target, all of whose boards but one are without markers."""
+    others = {k: replace(one, markers=None) for k, one in enumerate(target.boards) if k != index}
+    return target.with_boards(others)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Seen:
+    """What became of a search.
+
+    Attributes:
+        sight: where it was.
+        alone: the markers that were read alone.
+        named: what they name.
+
+    """
+
+    sight: Sight
+    alone: SeenMarkers
+    named: _Named
 
 
 def _find(
     image: npt.NDArray[np.generic], target: Target, grids: FoundGrids | None
-) -> tuple[MarkedCorners, tuple[Sight, SeenMarkers]]:
-    """What is found in a photo at its own size, and the markers that were read alone."""
+) -> tuple[MarkedCorners, _Seen]:
+    """What is found in a photo at its own size."""
     sight = Sight.of(image, target)
     zooms = reading_zooms(sight.pyramid.size, sight.families)
     alone = read_alone(sight.pyramid, sight.families, zooms[:1])
@@ -226,7 +259,7 @@ def _find(
         marked = max(marked, other.marked(len(known.grids)), key=len)
     if grids is None:
         marked = replace(marked, grid_board=_NO_GRIDS)
-    return marked, (sight, alone)
+    return marked, _Seen(sight=sight, alone=alone, named=found)
 
 
 def _no_grids(sight: Sight) -> FoundGrids:
@@ -394,22 +427,34 @@ def _search_grids(image: npt.NDArray[np.generic], parts: list[Part]) -> FoundGri
     )
 
 
-def _list_parts_of_boards(sight: Sight, alone: SeenMarkers) -> list[Part]:
-    """Where boards may be of which most markers agree where they are, at least two."""
-    groups = [
-        group
-        for index in np.unique(alone.board).tolist()
-        for group in _list_agreeing(sight, alone.of(index))
-    ]
-    most = max(map(_count_markers, groups), default=0)
-    parts = []
-    for group in groups:
-        board = sight.target.boards[group.board[0]]
-        if _count_markers(group) == most >= _AGREEING:
+def _list_small_boards(seen: _Seen) -> list[tuple[int, Part]]:
+    """Boards that are found in part, and so small that windows around corners reach into markers.
+
+    With each the part of the photo that it may be in.
+    """
+    pyramid, found = seen.sight.pyramid, []
+    for piece in seen.named.pieces:
+        lattice = piece.lattice
+        cells = lattice.cells()
+        side = float(np.median(lattice.fit(cells).side))
+        if side < lattice.least_side and len(OpenEnds.of(pyramid, lattice)):
+            missing = np.array(lattice.known.shape) - np.ptp(cells, axis=0) - 1
+            margin = np.full(len(cells), side * (missing.max() + _MARGIN))
+            found.append((piece.board, Part.around(lattice.at(cells), margin, pyramid.size)))
+    return found
+
+
+def _list_hinted(seen: _Seen) -> list[tuple[int, Part]]:
+    """Boards of which most markers agree where they are, at least two, and where these may be."""
+    alone, found = seen.alone, []
+    for index in np.unique(alone.board).tolist():
+        board = seen.sight.target.boards[index]
+        group = max(_list_agreeing(seen.sight, alone.of(index)), key=_count_markers)
+        if _count_markers(group) >= _AGREEING:
             corners = board.plane_points([0, board.columns - 1], [0, board.rows - 1])
             extent = float(np.ptp(corners, axis=0).max() / board.square)
-            parts.append(_part_around_read(sight, group, extent + 2))
-    return parts
+            found.append((index, _part_around_read(seen.sight, group, extent + 2)))
+    return found
 
 
 def _count_markers(markers: SeenMarkers) -> int:

@@ -91,6 +91,11 @@ class BoardLattice(CornerMap):
         """How far from its prediction a corner may be, squares (tags)."""
         return min(_SEARCH * self.closest, _SEARCH_SQUARES)
 
+    @property
+    def least_side(self) -> float:
+        """Squares (tags) of so many pixels hold a window whose pixels show no other ink."""
+        return _SMALLEST_CELL_PX / min(1.0, self.quiet / _WINDOW_CELLS)
+
     def put(self, cells: IntArray, pixel: FloatArray) -> None:
         """Set corners; NaN removes them."""
         self.pixel[cells[:, 0], cells[:, 1]] = pixel
