@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from cubicfish_cli.core.target import Target
@@ -24,51 +23,26 @@ from cubicfish_cli.corners.detection.grids import (
     negative_grids,
     negative_photo,
 )
-from cubicfish_cli.corners.detection.markers_detect import (
-    NO_MARKERS,
-    SeenMarkers,
-    Sight,
-    find_outlines,
-    reading_zooms,
+from cubicfish_cli.corners.detection.markers_closer import (
+    hinted_boards,
+    list_marked,
+    parts_with_markers,
+    parts_with_squares,
+    read_closer,
+    small_boards,
 )
-from cubicfish_cli.corners.detection.markers_lattice import BoardLattice, verify
+from cubicfish_cli.corners.detection.markers_detect import SeenMarkers, Sight, reading_zooms
+from cubicfish_cli.corners.detection.markers_lattice import BoardLattice
 from cubicfish_cli.corners.detection.markers_measure import with_sides_seen
-from cubicfish_cli.corners.detection.markers_missing import OpenEnds, Part, hidden, hidden_around
-from cubicfish_cli.corners.detection.markers_pieces import (
-    Piece,
-    agrees,
-    extend,
-    merge_pieces,
-    note_grids,
-    piece_of,
-    placed,
-    take_in,
-)
-from cubicfish_cli.corners.detection.markers_read import (
-    all_read,
-    cell_corners,
-    group_agreeing,
-    marker_ratio,
-    read_alone,
-    read_together,
-    shortest_side,
-)
-from cubicfish_cli.corners.detection.nearby import nearest
+from cubicfish_cli.corners.detection.markers_missing import Part
+from cubicfish_cli.corners.detection.markers_named import Named, name_corners, with_more_markers
+from cubicfish_cli.corners.detection.markers_pieces import Piece, placed
+from cubicfish_cli.corners.detection.markers_read import group_agreeing, read_alone
 from cubicfish_cli.corners.detection.pyramid import CLOSE, build_pyramid, enlarged, reduced
 
-# Outlines of markers whose modules are larger are found in a photo, and so are those in its double.
-_CLEAR_MODULE_PX = 4.0
-# A grid that has the corners around markers, and those next to them, says where a board is: so many
-# squares (tags) from the middles of its markers. It grows from there.
-_MARGIN = 3.0
-# Dark squares of one size, so near to each other, are beside each other in a board; fewer than so
-# many are too few to name it.
-_BESIDE, _ALIKE, _SQUARES = 3.0, 1.6, 4
-_NO_GRIDS = np.zeros(0, np.intp)
 # Where nothing else vouches for markers, so many must agree.
 _AGREEING = 2
-# So many markers, at least two side by side, are no misreadings even where others refute them.
-_NO_ACCIDENT = 3
+_NO_GRIDS = np.zeros(0, np.intp)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -203,7 +177,7 @@ def _find_as_closely_as_needed(
     marked, seen = _find(image, target, grids)
     if grids is not None or 4 * image.size > MOST_PIXELS:
         return marked
-    for index, part in [*_list_small_boards(seen), *(() if len(marked) else _list_hinted(seen))]:
+    for index, part in seen.list_closer():
         found = _find_closely(part.of(image), _with_markers_of_one(target, index), None)
         if len(found) > np.count_nonzero(marked.board == index):
             marked = _join_both(marked.without(index), replace(found, pixel=part.back(found.pixel)))
@@ -229,7 +203,13 @@ class _Seen:
 
     sight: Sight
     alone: SeenMarkers
-    named: _Named
+    named: Named
+
+    def list_closer(self) -> list[tuple[int, Part]]:
+        """Boards that twice the size may show more of, and where they may be."""
+        if not self.named.pieces:
+            return hinted_boards(self.sight, self.alone)
+        return small_boards(self.sight, self.named)
 
 
 def _find(
@@ -240,23 +220,23 @@ def _find(
     zooms = reading_zooms(sight.pyramid.size, sight.families)
     alone = read_alone(sight.pyramid, sight.families, zooms[:1])
     known = _no_grids(sight) if grids is None else grids
-    found = _name_corners(sight, alone, known)
+    found = name_corners(sight, alone, known)
     for number, zoom in enumerate(zooms[1:], start=1):
-        fresh = _read_closer(sight, found, alone, min(zooms[:number]), zoom)
+        fresh = read_closer(sight, found, alone, min(zooms[:number]), zoom)
         if len(fresh):
-            found, alone = _add_fresh(sight, found, alone, fresh, known)
+            found, alone = with_more_markers(sight, found, alone, fresh, known)
     if grids is None:
-        for list_parts in (_list_parts_with_markers, _list_parts_with_squares):
-            unseen = _list_marked(sight) - found.boards
+        for list_parts in (parts_with_markers, parts_with_squares):
+            unseen = list_marked(sight) - found.boards
             parts = list_parts(sight, found, alone, unseen) if unseen else []
             if parts:
                 known = _search_grids(image, parts)
-                found = _name_corners(sight, alone, known, found, unseen)
-    marked = found.marked(len(known.grids))
+                found = name_corners(sight, alone, known, found, unseen)
+    marked = _make_marked(found, len(known.grids))
     measured = with_sides_seen(target, alone)
     if measured is not None:
-        other = _name_corners(replace(sight, target=measured), alone, known)
-        marked = max(marked, other.marked(len(known.grids)), key=len)
+        other = name_corners(replace(sight, target=measured), alone, known)
+        marked = max(marked, _make_marked(other, len(known.grids)), key=len)
     if grids is None:
         marked = replace(marked, grid_board=_NO_GRIDS)
     return marked, _Seen(sight=sight, alone=alone, named=found)
@@ -264,152 +244,6 @@ def _find(
 
 def _no_grids(sight: Sight) -> FoundGrids:
     return FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=sight.pyramid.size)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Named:
-    """What markers name in a photo.
-
-    Attributes:
-        pieces: the boards.
-        contradictory: indices of boards that were left out, see :class:`MarkedCorners`.
-
-    """
-
-    pieces: list[Piece]
-    contradictory: set[int]
-
-    @property
-    def boards(self) -> set[int]:
-        """Indices of all boards that markers place, in one place or in several."""
-        return {piece.board for piece in self.pieces} | self.contradictory
-
-    def marked(self, grids: int) -> MarkedCorners:
-        """The corners, of so many grids that were given."""
-        return _make_marked(self.pieces, grids, tuple(sorted(self.contradictory)))
-
-
-def _list_marked(sight: Sight) -> set[int]:
-    """Indices of the boards that have markers."""
-    return {k for k, board in enumerate(sight.target.boards) if board.markers is not None}
-
-
-def _add_fresh(
-    sight: Sight, found: _Named, known: SeenMarkers, fresh: SeenMarkers, grids: FoundGrids
-) -> tuple[_Named, SeenMarkers]:
-    """What is found with more markers than the known ones, and all of them."""
-    both = SeenMarkers.joined([known, fresh])
-    again = set()
-    for index in np.unique(fresh.board).tolist():
-        own, old = fresh.of(index), known.of(index)
-        piece = next((one for one in found.pieces if one.board == index), None)
-        label = group_agreeing(SeenMarkers.joined([old, own]), sight.target.boards[index])
-        if piece is None or not np.isin(label, label[: len(old)]).all():
-            again.add(index)
-            continue
-        take_in(sight.pyramid, piece, own, grids.grids, _make_tree(grids))
-    return (_name_corners(sight, both, grids, found, again) if again else found), both
-
-
-def _make_tree(grids: FoundGrids) -> cKDTree:
-    """The corners of grids, and those of none."""
-    return cKDTree(np.concatenate([grids.refused, *(grid.pixel for grid in grids.grids)]))
-
-
-def _read_closer(
-    sight: Sight, found: _Named, known: SeenMarkers, coarse: float, zoom: float
-) -> SeenMarkers:
-    """Markers that a photo reduced ``zoom`` times shows where one reduced ``coarse`` may hide some.
-
-    These may be of boards of which nothing is seen, and at open ends with small markers.
-    """
-    pyramid, families = sight.pyramid, sight.families
-    whole = Part.whole(pyramid.size)
-    parts = []
-    if zoom < coarse:
-        parts = [part for piece in found.pieces if (part := _small_part(sight, piece, coarse))]
-    if found.boards < _list_marked(sight) or sum(part.pixels for part in parts) > whole.pixels:
-        parts = [whole]
-    photo = hidden(pyramid.levels[0], [piece.lattice for piece in found.pieces]) if parts else None
-    read = [read_alone(pyramid, families, [zoom], part, photo) for part in parts]
-    return _drop_known(SeenMarkers.joined([NO_MARKERS, *read]), known, found)
-
-
-def _small_part(sight: Sight, piece: Piece, coarse: float) -> Part | None:
-    """Where a board may go on with markers too small for a photo reduced ``coarse`` times."""
-    ends = OpenEnds.of(sight.pyramid, piece.lattice)
-    modules = min(
-        family.size + 2 * family.border
-        for family in sight.families
-        if (family.board == piece.board).any()
-    )
-    side = marker_ratio(piece.lattice.board) * ends.side
-    ends = ends.select(side < _CLEAR_MODULE_PX * modules * coarse)
-    return ends.part(sight.pyramid.size) if len(ends) else None
-
-
-def _list_parts_with_markers(
-    sight: Sight, _found: _Named, alone: SeenMarkers, unseen: set[int]
-) -> list[Part]:
-    """Where markers of unseen boards are, too few or too badly read to say where all of it is."""
-    boards = sorted(unseen & set(alone.board.tolist()))
-    groups = [group for index in boards for group in _list_agreeing(sight, alone.of(index))]
-    return [_part_around_read(sight, group, _MARGIN) for group in groups]
-
-
-def _list_parts_with_squares(
-    sight: Sight, found: _Named, _alone: SeenMarkers, _unseen: set[int]
-) -> list[Part]:
-    """Where more dark squares are than an accident has, and none of the boards that are found."""
-    if not found.pieces:
-        return []
-    photo = hidden_around(sight.pyramid.levels[0], [piece.lattice for piece in found.pieces])
-    zooms = [zoom for zoom in reading_zooms(sight.pyramid.size, sight.families) if zoom >= 1]
-    outline = np.concatenate([find_outlines(photo, sight.families, zoom) for zoom in zooms])
-    side = np.linalg.norm(outline - np.roll(outline, -1, axis=1), axis=2).mean(axis=1)
-    middle = outline.mean(axis=1)
-    apart = np.linalg.norm(middle[:, None] - middle, axis=-1)
-    smaller, larger = np.minimum(side[:, None], side), np.maximum(side[:, None], side)
-    beside = (apart < _BESIDE * smaller) & (larger < _ALIKE * smaller)
-    label = connected_components(beside, directed=False)[1] if len(outline) else side
-    parts = []
-    for number in np.unique(label):
-        rows = label == number
-        if rows.sum() >= _SQUARES:
-            margin = _MARGIN * side[rows]
-            parts.append(Part.around(middle[rows], margin, sight.pyramid.size))
-    return parts
-
-
-def _list_agreeing(sight: Sight, own: SeenMarkers) -> list[SeenMarkers]:
-    """Markers of a board, at least one, by the place that they agree on."""
-    label = group_agreeing(own, sight.target.boards[own.board[0]])
-    return [own.select(label == place) for place in np.unique(label)]
-
-
-def _part_around_read(sight: Sight, markers: SeenMarkers, squares: float) -> Part:
-    """What lies within so many squares (tags) of markers of one board."""
-    outline = markers.pixel
-    side = np.linalg.norm(outline - np.roll(outline, -1, axis=1), axis=2).max(axis=1)
-    margin = squares * side / marker_ratio(sight.target.boards[markers.board[0]])
-    return Part.around(outline.mean(axis=1), margin, sight.pyramid.size)
-
-
-def _drop_known(fresh: SeenMarkers, known: SeenMarkers, found: _Named) -> SeenMarkers:
-    """Markers that are not among the known ones, and may say more than is known of their board."""
-    if len(fresh) and len(known):
-        distance, index = nearest(fresh.pixel.mean(axis=1), known.pixel.mean(axis=1), 1)
-        same = distance[:, 0] < 0.5 * shortest_side(fresh.pixel)
-        same &= fresh.board == known.board[index[:, 0]]
-        same &= (fresh.cell == known.cell[index[:, 0]]).all(axis=1)
-        fresh = fresh.select(~same)
-    for piece in found.pieces:
-        rows = np.flatnonzero(fresh.board == piece.board)
-        corner = cell_corners(piece.lattice.board, fresh.cell[rows])
-        fresh = fresh.select(
-            np.delete(np.arange(len(fresh)), rows[piece.lattice.are_known(corner)])
-        )
-    return fresh
 
 
 def _search_grids(image: npt.NDArray[np.generic], parts: list[Part]) -> FoundGrids:
@@ -425,94 +259,6 @@ def _search_grids(image: npt.NDArray[np.generic], parts: list[Part]) -> FoundGri
     return FoundGrids(
         grids=tuple(grids), refused=np.concatenate(refused), image_size=(width, height)
     )
-
-
-def _list_small_boards(seen: _Seen) -> list[tuple[int, Part]]:
-    """Boards that are found in part, and so small that windows around corners reach into markers.
-
-    With each the part of the photo that it may be in.
-    """
-    pyramid, found = seen.sight.pyramid, []
-    for piece in seen.named.pieces:
-        lattice = piece.lattice
-        cells = lattice.cells()
-        side = float(np.median(lattice.fit(cells).side))
-        if side < lattice.least_side and len(OpenEnds.of(pyramid, lattice)):
-            missing = np.array(lattice.known.shape) - np.ptp(cells, axis=0) - 1
-            margin = np.full(len(cells), side * (missing.max() + _MARGIN))
-            found.append((piece.board, Part.around(lattice.at(cells), margin, pyramid.size)))
-    return found
-
-
-def _list_hinted(seen: _Seen) -> list[tuple[int, Part]]:
-    """Boards of which most markers agree where they are, at least two, and where these may be."""
-    alone, found = seen.alone, []
-    for index in np.unique(alone.board).tolist():
-        board = seen.sight.target.boards[index]
-        group = max(_list_agreeing(seen.sight, alone.of(index)), key=_count_markers)
-        if _count_markers(group) >= _AGREEING:
-            corners = board.plane_points([0, board.columns - 1], [0, board.rows - 1])
-            extent = float(np.ptp(corners, axis=0).max() / board.square)
-            found.append((index, _part_around_read(seen.sight, group, extent + 2)))
-    return found
-
-
-def _count_markers(markers: SeenMarkers) -> int:
-    """How many markers there are of one board, each counted once."""
-    return len(np.unique(markers.cell, axis=0))
-
-
-def _name_corners(
-    sight: Sight,
-    alone: SeenMarkers,
-    grids: FoundGrids,
-    before: _Named | None = None,
-    again: set[int] | None = None,
-) -> _Named:
-    """What markers that were read alone, and those in the squares of grids, name.
-
-    What is known ``before`` of other boards than those to be looked at ``again`` stays.
-    """
-    boards = sight.target.boards
-    done = [] if before is None else [p for p in before.pieces if p.board not in (again or ())]
-    for kept_piece in done:
-        note_grids(kept_piece, grids.grids)
-    settled = {kept_piece.board for kept_piece in done}
-    markers = all_read(sight, grids, alone)
-    free = _make_tree(grids)
-    pieces: list[Piece] = []
-    refuted = np.zeros(len(boards), np.intp)
-    for index in np.unique(markers.board).tolist():
-        if index in settled:
-            continue
-        own = markers.of(index)
-        label = group_agreeing(own, boards[index])
-        for place in np.unique(label):
-            piece = piece_of(sight, index, own, label == place, grids.grids, free)
-            if piece is None:
-                continue
-            if agrees(sight, piece):
-                pieces.append(piece)
-            elif piece.markers > 1:
-                refuted[index] += piece.markers
-    pieces.sort(key=lambda piece: -piece.markers)
-    kept, contradictory = merge_pieces([*done, *pieces])
-    named = {number for piece in kept for number in piece.grids}
-    out = contradictory | set(np.flatnonzero(refuted).tolist())
-    for number in sorted(set(range(len(grids.grids))) - named):
-        one = read_together(sight, grids.grids[number])
-        if one is None or one.board in out:
-            continue
-        lattice = BoardLattice(board=boards[one.board])
-        lattice.put(one.cells, grids.grids[number].pixel)
-        verify(sight.pyramid, lattice)
-        piece = Piece(board=one.board, lattice=lattice, markers=one.markers, grids={number})
-        extend(sight.pyramid, piece, grids.grids, free)
-        merged, against = merge_pieces([*kept, piece])
-        kept = kept if against else merged
-    refuted[[piece.board for piece in kept]] = 0
-    contradictory |= set(np.nonzero(refuted >= _NO_ACCIDENT)[0].tolist())
-    return _Named(pieces=kept, contradictory=contradictory)
 
 
 def _find_closely(
@@ -557,11 +303,12 @@ def _find_outlined(
             continue
         lattice = placed(sight, index, own, label == place, cKDTree(np.zeros((0, 2))))
         pieces.append(Piece(board=index, lattice=lattice, markers=agreeing[place]))
-    return _make_marked(pieces, 0, ())
+    return _make_marked(Named(pieces=pieces, contradictory=set()), 0)
 
 
-def _make_marked(pieces: list[Piece], grids: int, contradictory: tuple[int, ...]) -> MarkedCorners:
-    pieces = sorted(pieces, key=lambda piece: piece.board)
+def _make_marked(found: Named, grids: int) -> MarkedCorners:
+    """The corners that markers name in a photo with so many grids."""
+    pieces = sorted(found.pieces, key=lambda piece: piece.board)
     grid_board = np.full(grids, -1, np.intp)
     for piece in pieces:
         grid_board[list(piece.grids)] = piece.board
@@ -575,5 +322,5 @@ def _make_marked(pieces: list[Piece], grids: int, contradictory: tuple[int, ...]
         row=cells[:, 1],
         pixel=np.concatenate([np.zeros((0, 2)), *pixel]),
         grid_board=grid_board,
-        contradictory=contradictory,
+        contradictory=tuple(sorted(found.contradictory)),
     )
