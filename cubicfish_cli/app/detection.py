@@ -322,6 +322,8 @@ def _refuse(findings: Sequence[Finding], *, named: bool) -> None:
 
 def _is_showing_boards(detected: PhotoDetection) -> bool:
     """Whether a photo shows squares in rows, and so many that they are likely a board's."""
+    if detected.marked is not None and len(detected.marked) >= FEWEST_CORNERS:
+        return True
     grids = () if detected.grids is None else detected.grids.grids
     return any(len(grid) >= FEWEST_CORNERS for grid in grids)
 

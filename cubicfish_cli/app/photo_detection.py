@@ -159,6 +159,11 @@ def detect_in_photo(
     try:
         data = read_file(photo.path) if photo.picture is None else b""
         picture = lru_cache(maxsize=1)(partial(_read_picture, photo, data))
+        if target is not None and target.has_only_markers:
+            # Markers say where their boards are: nothing else is searched for squares.
+            detected = _detect_markers(picture, target, None)
+            if not detected.is_empty:
+                return detected
         # What is in memory has no bytes to know it by.
         cache = cache if cache and data else GridCache()
         boards = [] if target is None else [(one.columns, one.rows) for one in target.boards]
@@ -172,8 +177,7 @@ def detect_in_photo(
     detected = _detect_markers(picture, target, grids)
     width, height = grids.image_size
     if detected.is_empty and target.has_markers and 4 * width * height <= MOST_PIXELS:
-        closer = _detect_markers(picture, target, grids, closely=True)
-        detected = detected if closer.is_empty else closer
+        detected = _look_closely(picture, target, grids) or detected
     if detected.is_empty and target.has_markers and grids.grids:
         return replace(detected, refusal=make_refusal(photo.name, Code.NO_MARKERS))
     if detected.is_empty:
@@ -191,12 +195,31 @@ def make_refusal(name: str, code: Code, case: str = "", **figures: int | str) ->
     return Finding(code=code, case=case, severity=Severity.CARE, images=(name,), figures=figures)
 
 
+def _look_closely(
+    picture: Callable[[], Picture], target: Target, grids: FoundGrids
+) -> PhotoDetection | None:
+    """What markers at twice a photo's size name, if anything."""
+    for known in (None, grids) if target.has_only_markers else (grids,):
+        closer = _detect_markers(picture, target, known, closely=True)
+        if not closer.is_empty:
+            return closer
+    return None
+
+
 def _detect_markers(
-    picture: Callable[[], Picture], target: Target, grids: FoundGrids, *, closely: bool = False
+    picture: Callable[[], Picture],
+    target: Target,
+    grids: FoundGrids | None,
+    *,
+    closely: bool = False,
 ) -> PhotoDetection:
     if not target.has_markers:
         return PhotoDetection(grids=grids)
     from cubicfish_cli.corners.detection.markers import find_marked_corners  # for them alone
 
     marked = find_marked_corners(picture(), target, grids, closely=closely)
-    return PhotoDetection(grids=grids, marked=replace(marked, pixel=round_pixels(marked.pixel)))
+    marked = replace(marked, pixel=round_pixels(marked.pixel))
+    if grids is None:
+        height, width = picture().shape
+        grids = FoundGrids.not_searched((width, height))
+    return PhotoDetection(grids=grids, marked=marked)

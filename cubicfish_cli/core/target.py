@@ -78,6 +78,11 @@ class Target(Brief):
         return any(board.markers is not None for board in self.boards)
 
     @property
+    def has_only_markers(self) -> bool:
+        """Whether all boards have markers that name their corners."""
+        return all(board.markers is not None for board in self.boards)
+
+    @property
     def mirrored(self) -> bool:
         """Whether this is the target as a mirror shows it, as with ``mirrored: true``."""
         return any(board.mirrored for board in self.boards)

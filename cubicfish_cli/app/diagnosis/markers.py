@@ -313,15 +313,20 @@ def hardly_named(evidence: MarkerEvidence) -> bool:
 
 def richest(evidence: MarkerEvidence) -> Iterator[tuple[Picture, FoundGrids]]:
     """Yield brightness and grids of the photos that show most, the one with most first."""
+    from cubicfish_cli.corners.detection.finder import find_grids  # for photos alone
+
     pictures = (
         (evidence.picture(one), evidence.grids[one]) for one in _sort_richest_first(evidence)
     )
-    known = ((picture, grids) for picture, grids in pictures if picture is not None)
+    known = (
+        (picture, grids if grids.searched else find_grids(picture))
+        for picture, grids in pictures
+        if picture is not None
+    )
     return islice(known, _PHOTOS)
 
 
 def _sort_richest_first(evidence: MarkerEvidence) -> list[int]:
-    return sorted(
-        range(len(evidence.grids)),
-        key=lambda number: -sum(map(len, evidence.grids[number].grids)),
-    )
+    named = np.bincount(evidence.corners.image, minlength=len(evidence.grids))
+    shown = [sum(map(len, found.grids)) for found in evidence.grids]
+    return sorted(range(len(shown)), key=lambda number: -max(shown[number], int(named[number])))

@@ -70,12 +70,20 @@ class FoundGrids:
         refused: candidate corners (N, 2), pixels, that look like X-corners on their own but
             belong to no accepted grid; for drawing and for explaining an empty result.
         image_size: (width, height) of the photo, pixels.
+        searched: whether the photo was searched for grids at all.
 
     """
 
     grids: tuple[Grid, ...]
     refused: FloatArray
     image_size: tuple[int, int]
+    searched: bool = True
+
+    @classmethod
+    def not_searched(cls, image_size: tuple[int, int]) -> Self:
+        """Those of a photo of (width, height) that nobody searched."""
+        none = np.zeros((0, 2))
+        return cls(grids=(), refused=none, image_size=image_size, searched=False)
 
 
 def negative_photo(image: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -11,14 +11,24 @@ import numpy.typing as npt
 from cubicfish_cli.core.boards.markers import MARKER_DICTIONARIES, TAG_FAMILIES, alike
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray, IntArray
-from cubicfish_cli.corners.detection.grids import Rows
-from cubicfish_cli.corners.detection.pyramid import Pyramid, build_pyramid
+from cubicfish_cli.corners.detection.grids import Float32Array, Rows
+from cubicfish_cli.corners.detection.pyramid import (
+    CLOSE,
+    Pyramid,
+    build_pyramid,
+    enlarged,
+    reduced,
+)
 
 # Width of the black frame in modules: Kalibr prints tags with 2, most others with 1.
 # A marker whose modules are smaller than this cannot be read at that size.
 _SMALLEST_MODULE_PX = 1.6
 # Photos smaller than this are not halved, larger ones not doubled.
 _LEAST_PX, _MOST_DOUBLED_PX = 200, 5_000_000
+# Outlines are looked for in a photo of at most so many pixels first. Markers whose modules are
+# 1.6 px are read in it: those of a board of 20 x 20 squares that fills a quarter of it.
+_COARSE_PX = 2_000_000
+_SMALLEST_PHOTO_PX = 8
 # Sides in strong distortion are curved: how far a contour may leave its quadrangle, as a share
 # of its length.
 _BENT_SIDES = 0.05
@@ -156,34 +166,42 @@ def _make_family(name: str, border: int, ids: IntArray, board: IntArray, *, tags
     )
 
 
-def find_outlines(grey: npt.NDArray[np.uint8], all_families: list[Family]) -> FloatArray:
-    """Dark quadrangles (N, 4, 2) in an 8-bit grey photo that may be markers, clockwise.
+def reading_zooms(size: tuple[int, int], all_families: list[Family]) -> list[float]:
+    """How much a photo of (width, height) is reduced to look for outlines, in order.
+
+    It is halved until it is small, at first; then it is larger each time, and doubled at last
+    unless it is large. What one shows is not looked for in the next.
+    """
+    pixels = size[0] * size[1]
+    zooms = [1.0]
+    while pixels > _COARSE_PX * zooms[0] ** 2:
+        zooms.insert(0, 2 * zooms[0])
+    joined = any(family.joined for family in all_families)
+    if joined and min(size) >= _LEAST_PX * zooms[0]:
+        # Where tags touch the squares between them, each size of the photo parts others.
+        zooms.insert(1, 2 * zooms[0])
+    return zooms if pixels > _MOST_DOUBLED_PX else [*zooms, CLOSE]
+
+
+def find_outlines(photo: Float32Array, all_families: list[Family], zoom: float = 1.0) -> FloatArray:
+    """Dark quadrangles (N, 4, 2) in a photo of grey levels to 255 that may be markers, clockwise.
 
     These are the candidates of ``cv2.aruco``. It is not asked to read them: that takes it
     seconds when a target has hundreds of markers, and the rim needs a reader of its own anyway.
+    ``zoom`` says how many times the photo is reduced for it; pixels are those of the photo.
     """
+    if min(photo.shape) < _SMALLEST_PHOTO_PX * zoom:
+        return np.zeros((0, 4, 2))
     modules = min(family.size + 2 * family.border for family in all_families)
-    parts = [_find_candidates(grey, modules)]
-    joined = any(family.joined for family in all_families)
-    if joined and min(grey.shape) >= _LEAST_PX:
-        # Where tags touch the squares between them, each size of the photo parts others.
-        half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-        parts.append((_find_candidates(np.asarray(half, np.uint8), modules) + 0.5) / 0.5 - 0.5)
-    if grey.size <= _MOST_DOUBLED_PX:
-        double = cv2.resize(grey, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-        parts.append((_find_candidates(np.asarray(double, np.uint8), modules) + 0.5) / 2 - 0.5)
-    return np.concatenate(parts)
-
-
-def _find_candidates(grey: npt.NDArray[np.uint8], modules: int) -> FloatArray:
+    small = np.clip(np.rint(reduced(photo, zoom)), 0, 255).astype(np.uint8)
     # A dictionary of one marker that is nobody's.
     code = cv2.aruco.Dictionary.getByteListFromBits(np.eye(4, dtype=np.uint8))
     parameters = cv2.aruco.DetectorParameters()
-    parameters.minMarkerPerimeterRate = 4 * _SMALLEST_MODULE_PX * modules / max(grey.shape)
+    parameters.minMarkerPerimeterRate = 4 * _SMALLEST_MODULE_PX * modules / max(small.shape)
     parameters.polygonalApproxAccuracyRate = _BENT_SIDES
     detector = cv2.aruco.ArucoDetector(cv2.aruco.Dictionary(code, 4, 0), parameters)
-    read, _, unread = detector.detectMarkers(grey)
-    return np.array([*read, *unread], float).reshape(-1, 4, 2)
+    read, _, unread = detector.detectMarkers(small)
+    return enlarged(np.array([*read, *unread], float).reshape(-1, 4, 2), zoom)
 
 
 def straightened(pyramid: Pyramid, outline: FloatArray) -> FloatArray:

@@ -13,7 +13,14 @@ from scipy.spatial import cKDTree
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.corners.detection.growth import snap
-from cubicfish_cli.corners.detection.lattice import CornerMap, LocalFit, taylor_terms, window
+from cubicfish_cli.corners.detection.lattice import (
+    CornerMap,
+    LocalFit,
+    neighbours,
+    taylor_terms,
+    window,
+)
+from cubicfish_cli.corners.detection.markers_saddles import corners_near
 from cubicfish_cli.corners.detection.nearby import nearest
 from cubicfish_cli.corners.detection.pyramid import Pyramid
 from cubicfish_cli.corners.detection.refine import refine_corners
@@ -84,6 +91,11 @@ class BoardLattice(CornerMap):
         """How far from its prediction a corner may be, squares (tags)."""
         return min(_SEARCH * self.closest, _SEARCH_SQUARES)
 
+    @property
+    def least_side(self) -> float:
+        """Squares (tags) of so many pixels hold a window whose pixels show no other ink."""
+        return _SMALLEST_CELL_PX / min(1.0, self.quiet / _WINDOW_CELLS)
+
     def put(self, cells: IntArray, pixel: FloatArray) -> None:
         """Set corners; NaN removes them."""
         self.pixel[cells[:, 0], cells[:, 1]] = pixel
@@ -127,6 +139,12 @@ class BoardLattice(CornerMap):
         known = ~np.isnan(pixel[..., 0]).any(axis=1)
         whole[whole] = known
         return whole, pixel[known]
+
+    def are_known(self, corner: IntArray) -> BoolArray:
+        """Which of squares of cells (N, 4, 2) have no corner of the board that is unknown."""
+        inside = self.inside(corner)
+        columns, rows = np.where(inside[..., None], corner, 0).transpose(2, 0, 1)
+        return np.asarray((self.known[columns, rows] | ~inside).all(axis=1))
 
     def inside_squares(self, corner: IntArray, place: FloatArray) -> FloatArray:
         """Pixels (N, K, 2) of places (K, 2) in the squares (tags) between known corners.
@@ -189,17 +207,24 @@ class BoardLattice(CornerMap):
 
 def grow(pyramid: Pyramid, lattice: BoardLattice, free: cKDTree) -> None:
     """Add the corners beside the known ones until nothing changes; ``free``: candidates."""
+    looked = np.zeros_like(lattice.tried)
     for _ in range(_MOST_ROUNDS):
         cells = lattice.frontier()
-        if not len(cells) or not try_cells(pyramid, lattice, cells, free):
+        if len(cells) and try_cells(pyramid, lattice, cells, free):
+            continue
+        # A closer look where that ends, once for what is known around each cell.
+        known = lattice.known
+        count = lattice.neighbour_sum(known.astype(float)).astype(np.intp)
+        ends = (neighbours(known) > 0) & ~known & (count != looked)
+        looked[ends] = count[ends]
+        cells = np.argwhere(ends)
+        if not len(cells) or not _try_corners_near(pyramid, lattice, cells):
             return
 
 
 def try_cells(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray, free: cKDTree) -> bool:
     """Look for (N, 2) unknown cells where their neighbours say; whether any was found."""
-    fit = lattice.fit(cells)
-    usable = fit.sound & pyramid.inside(fit.pixel, 2.0)
-    cells, fit = cells[usable], fit.select(usable)
+    cells, fit = _predict(pyramid, lattice, cells)
     if not len(cells):
         return False
     pixel, good = lattice.refined(pyramid, cells, fit.pixel, fit)
@@ -207,6 +232,46 @@ def try_cells(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray, free: cK
     start, found = snap_named(pyramid, lattice, fit.pixel, fit, free)
     rows = np.nonzero(found & ~good)[0]
     pixel[rows], good[rows] = lattice.refined(pyramid, cells[rows], start[rows], fit.select(rows))
+    return _put_good(lattice, cells, pixel, good, fit)
+
+
+def _try_corners_near(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray) -> bool:
+    """As :func:`try_cells`, from the X-corners that are nearest to the predictions."""
+    cells, fit = _predict(pyramid, lattice, cells)
+    if not len(cells):
+        return False
+    travel, side = lattice.search * _measure_longest(fit), lattice.closest * fit.side
+    place, row = corners_near(pyramid, fit.pixel, travel, side)
+    if not len(place):
+        return False
+    away = fit.select(row).cells_away(place)
+    order = np.argsort(away, kind="stable")
+    rows, nearest_place = np.unique(row[order], return_index=True)
+    start, away = place[order][nearest_place], away[order][nearest_place]
+    rows, start = rows[away < lattice.search], start[away < lattice.search]
+    if not len(rows):
+        return False
+    cells, fit = cells[rows], fit.select(rows)
+    pixel, good = lattice.refined(pyramid, cells, start, fit)
+    return _put_good(lattice, cells, pixel, good, fit)
+
+
+def _measure_longest(fit: LocalFit) -> FloatArray:
+    """Length (N,) of the longest way of one cell, pixels."""
+    return np.asarray(np.linalg.norm(fit.step, ord=2, axis=(1, 2)))
+
+
+def _predict(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray) -> tuple[IntArray, LocalFit]:
+    """The cells, of (N, 2), whose neighbours say where in the photo they are, and where."""
+    fit = lattice.fit(cells)
+    usable = fit.sound & pyramid.inside(fit.pixel, 2.0)
+    return cells[usable], fit.select(usable)
+
+
+def _put_good(
+    lattice: BoardLattice, cells: IntArray, pixel: FloatArray, good: BoolArray, fit: LocalFit
+) -> bool:
+    """Add the corners that are where they may be; whether there is any."""
     good &= fit.cells_away(pixel) < lattice.search
     good[good] &= _find_alone(lattice, pixel[good], fit.select(good))
     lattice.put(cells[good], pixel[good])

@@ -81,27 +81,54 @@ def placed(
     sight: Sight, index: int, markers: SeenMarkers, chosen: BoolArray, free: cKDTree
 ) -> BoardLattice:
     """The corners around the chosen markers, each where a saddle is seen nearby."""
-    board = sight.target.boards[index]
-    lattice = BoardLattice(board=board)
-    cells, pixel = _make_seeds(board, markers.cell[chosen], markers.pixel[chosen])
-    lattice.put(cells, pixel)
-    cells = lattice.cells()
-    fit = lattice.fit(cells)
-    pixel, found = snap_named(sight.pyramid, lattice, lattice.at(cells), fit, free)
-    lattice.put(cells, np.where((found & fit.sound)[:, None], pixel, np.nan))
+    lattice = BoardLattice(board=sight.target.boards[index])
+    _put_seeds(sight.pyramid, lattice, markers.select(chosen), free)
     clean(lattice)
     return lattice
 
 
+def take_in(
+    pyramid: Pyramid, piece: Piece, markers: SeenMarkers, grids: tuple[Grid, ...], free: cKDTree
+) -> None:
+    """Grow a piece on from more markers of its board, which agree about where it is."""
+    _put_seeds(pyramid, piece.lattice, markers, free)
+    piece.markers += len(np.unique(markers.cell, axis=0))
+    verify(pyramid, piece.lattice)
+    extend(pyramid, piece, grids, free)
+
+
+def _put_seeds(
+    pyramid: Pyramid, lattice: BoardLattice, markers: SeenMarkers, free: cKDTree
+) -> None:
+    """Put the unknown corners around markers where a saddle is seen nearby."""
+    cells, pixel = _make_seeds(lattice.board, markers.cell, markers.pixel)
+    fresh = ~lattice.known[cells[:, 0], cells[:, 1]]
+    cells = cells[fresh]
+    lattice.put(cells, pixel[fresh])
+    fit = lattice.fit(cells)
+    pixel, found = snap_named(pyramid, lattice, lattice.at(cells), fit, free)
+    lattice.put(cells, np.where((found & fit.sound)[:, None], pixel, np.nan))
+
+
 def extend(pyramid: Pyramid, piece: Piece, grids: tuple[Grid, ...], free: cKDTree) -> None:
-    """Add what else of the board can be seen, and drop what is no corner."""
+    """Add what else of the board can be seen, and drop what is no corner.
+
+    The piece's own corners are refined and judged.
+    """
     lattice = piece.lattice
     for _ in range(2):
+        judged = lattice.known
         _absorb(piece, grids)
         grow(pyramid, lattice, free)
         clean(lattice)
+        if (lattice.known == judged).all():
+            return
+        grown = lattice.known
         verify(pyramid, lattice)
         clean(lattice)
+        # Growth that finds nothing more looked around all of these corners.
+        if (lattice.known == grown).all():
+            return
 
 
 def _make_seeds(board: Board, cell: IntArray, outline: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -129,6 +156,12 @@ def _absorb(piece: Piece, grids: tuple[Grid, ...]) -> None:
         piece.grids.add(number)
         fresh = ~lattice.known[names[:, 0], names[:, 1]]
         lattice.put(names[fresh], grid.pixel[fresh])
+
+
+def note_grids(piece: Piece, grids: tuple[Grid, ...]) -> None:
+    """Set which grids are parts of the piece, and leave its corners as they are."""
+    named = (_name_grid(piece.lattice, grid) for grid in grids)
+    piece.grids = {number for number, names in enumerate(named) if names is not None}
 
 
 def _name_grid(lattice: BoardLattice, grid: Grid) -> IntArray | None:

@@ -8,7 +8,7 @@ which marker lies in which of its squares: the right place shows in all of them 
 of other markers in none.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,16 +16,18 @@ from scipy.sparse.csgraph import connected_components
 
 from cubicfish_cli.core.boards.board import AROUND_SQUARE, Board
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.corners.detection.grids import FoundGrids, Grid
+from cubicfish_cli.corners.detection.grids import Float32Array, FoundGrids, Grid
 from cubicfish_cli.corners.detection.markers_detect import (
     NO_MARKERS,
     Family,
     SeenMarkers,
     Sight,
     find_outlines,
+    reading_zooms,
     straightened,
 )
 from cubicfish_cli.corners.detection.markers_lattice import BoardLattice
+from cubicfish_cli.corners.detection.markers_missing import Part
 from cubicfish_cli.corners.detection.pyramid import Pyramid
 
 # Modules smaller than this run into each other.
@@ -47,7 +49,6 @@ _QUARTER = np.array([(0, 1), (-1, 0)])
 # puts it, to this share of a cell: distortion takes a tenth or two, a wrong cell is 1 away.
 VOUCH_CELLS = 2
 _VOUCH_MISS = 0.4
-_SMALLEST_PHOTO_PX = 8
 
 
 def outlines(square: FloatArray, ratio: float) -> FloatArray:
@@ -145,10 +146,10 @@ def wrong_modules(white: BoolArray, family: Family) -> IntArray:
     upright marker's top left.
     """
     turned = np.stack([np.rot90(white, k, axes=(1, 2)) for k in range(4)], axis=1)
-    bits = turned.reshape(len(white), 4, -1).astype(np.float32)
-    codes = family.codes.reshape(len(family.codes), -1).astype(np.float32)
-    same = bits @ codes.T + (1 - bits) @ (1 - codes).T
-    return np.rint(codes.shape[1] - same).astype(np.intp)
+    bits = turned.reshape(len(white), 4, family.size**2).astype(np.float32)
+    codes = family.codes.reshape(-1, family.size**2).astype(np.float32)
+    # White in one of both: those of the code, and more for each white one where it is black.
+    return np.rint(codes.sum(axis=1) + bits @ (1 - 2 * codes).T).astype(np.intp)
 
 
 def read_grid(sight: Sight, grid: Grid) -> SeenMarkers:
@@ -164,7 +165,7 @@ def read_grid(sight: Sight, grid: Grid) -> SeenMarkers:
         chosen = square[whole & (~bright if family.joined else bright)]
         every = np.array([marker_ratio(sight.target.boards[board]) for board in family.board])
         for ratio in np.unique(every).tolist():
-            found.append(_read(sight.pyramid, chosen, family, ratio, every == ratio))
+            found.append(_read(sight.pyramid, chosen, family, ratio, every == ratio)[0])
     return SeenMarkers.joined([NO_MARKERS, *found])
 
 
@@ -193,33 +194,38 @@ def read_outlines(pyramid: Pyramid, all_families: list[Family], outline: FloatAr
     """Markers among quadrangles (N, 4, 2) that were found without knowing what they are."""
     # Straight sides make most readable; where sides are bent, the contour's corners are better.
     straight = straightened(pyramid, outline)
-    found = []
+    found, unread = [], np.ones(len(outline), bool)
     for family in all_families:
         everything = np.ones(len(family.board), bool)
-        found.append(_read(pyramid, straight, family, 1.0, everything))
-        rough = _read(pyramid, outline, family, 1.0, everything)
+        seen, rows = _read(pyramid, straight, family, 1.0, everything)
+        unread[rows] = False
+        found.append(seen)
+    for family in all_families:
+        everything = np.ones(len(family.board), bool)
+        rough, _ = _read(pyramid, outline[unread], family, 1.0, everything)
         found.append(replace(rough, pixel=straightened(pyramid, rough.pixel)))
     return SeenMarkers.joined([NO_MARKERS, *found])
 
 
 def _read(
     pyramid: Pyramid, square: FloatArray, family: Family, ratio: float, allowed: BoolArray
-) -> SeenMarkers:
+) -> tuple[SeenMarkers, IntArray]:
+    """Read markers in squares (N, 4, 2), and which of these show one."""
     if not len(square):
-        return NO_MARKERS
+        return NO_MARKERS, np.zeros(0, np.intp)
     points = through_square(square, module_places(family, ratio))
     white, clear = read_modules(pyramid, points, ratio * shortest_side(square), family)
-    wrong = wrong_modules(white, family)
+    rows = np.flatnonzero(clear)
+    wrong = wrong_modules(white[rows], family)
     wrong[:, :, ~allowed] = family.size**2
-    best = wrong.reshape(len(wrong), -1).argmin(axis=1)
+    wrong = wrong.reshape(len(rows), 4 * len(family.codes))
+    best = wrong.argmin(axis=1)
     turn, code = np.divmod(best, len(family.codes))
-    rows = np.arange(len(wrong))
-    good = clear & (wrong[rows, turn, code] <= min(_MOST_WRONG, family.corrected // 2))
+    good = wrong[np.arange(len(rows)), best] <= min(_MOST_WRONG, family.corrected // 2)
+    rows, turn, code = rows[good], turn[good], code[good]
     order = (np.arange(4) + turn[:, None]) % 4
-    upright = np.take_along_axis(outlines(square, ratio), order[..., None], axis=1)
-    return SeenMarkers(
-        board=family.board[code[good]], cell=family.cell[code[good]], pixel=upright[good]
-    )
+    upright = np.take_along_axis(outlines(square[rows], ratio), order[..., None], axis=1)
+    return SeenMarkers(board=family.board[code], cell=family.cell[code], pixel=upright), rows
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -352,12 +358,31 @@ def all_read(sight: Sight, grids: FoundGrids, alone: SeenMarkers) -> SeenMarkers
     return SeenMarkers.joined([alone, *(read_grid(sight, grid) for grid in grids.grids)])
 
 
-def read_alone(pyramid: Pyramid, all_families: list[Family]) -> SeenMarkers:
-    """Markers that are read by their own outlines; none in a photo too small for any."""
-    if not all_families or min(pyramid.size) < _SMALLEST_PHOTO_PX:
+def read_alone(
+    pyramid: Pyramid,
+    all_families: list[Family],
+    zooms: Iterable[float] | None = None,
+    part: Part | None = None,
+    photo: Float32Array | None = None,
+) -> SeenMarkers:
+    """Markers that are read by their own outlines; none in a photo too small for any.
+
+    Args:
+        pyramid: the photo.
+        all_families: what may be seen.
+        zooms: how many times the photo is reduced to look for outlines; by default all of
+            :func:`~.markers_detect.reading_zooms`.
+        part: where outlines are looked for; by default everywhere.
+        photo: what they are looked for in; by default the pyramid's photo.
+
+    """
+    if not all_families:
         return NO_MARKERS
-    grey = np.clip(np.rint(pyramid.levels[0]), 0, 255).astype(np.uint8)
-    return read_outlines(pyramid, all_families, find_outlines(grey, all_families))
+    part = part or Part.whole(pyramid.size)
+    zooms = reading_zooms(pyramid.size, all_families) if zooms is None else zooms
+    seen = part.of(pyramid.levels[0] if photo is None else photo)
+    found = [find_outlines(seen, all_families, zoom) for zoom in zooms]
+    return read_outlines(pyramid, all_families, part.back(np.concatenate(found)))
 
 
 def group_agreeing(markers: SeenMarkers, board: Board) -> IntArray:

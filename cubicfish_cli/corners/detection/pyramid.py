@@ -95,6 +95,11 @@ class Pyramid:
             & (pixel[:, 1] <= height - 1 - margin)
         )
 
+    def levels_of(self, step: FloatArray) -> npt.NDArray[np.intp]:
+        """Levels (N,) at which square sides (N,) of the photo are 24 to 48 px, if any are."""
+        level = np.frexp(np.maximum(step, 1.0) / 24.0)[1] - 1
+        return np.asarray(np.clip(level, 0, len(self.levels) - 1), np.intp)
+
     def sample(self, points: FloatArray, step: FloatArray) -> Float32Array:
         """Sample (N, ..., 2) pixels, each row at the level that suits its square side (N,).
 
@@ -109,8 +114,7 @@ class Pyramid:
         The level keeps a square at 24 to 48 px, so that large squares are averaged and small
         ones are seen at full size. Returns (K, N).
         """
-        level = np.frexp(np.maximum(step, 1.0) / 24.0)[1] - 1
-        level = np.clip(level, 0, len(self.levels) - 1)
+        level = self.levels_of(step)
         first = int(level.min(initial=0))
         if (level == first).all():
             return bilinear(self.levels[first], points, 2.0**-first)
