@@ -40,6 +40,8 @@ _STEP = 0.5
 _NEAR_SHARE = 0.05
 # Corners around a missing one that it is judged by: the nearest twelve, and of both colours seven.
 _AROUND = 16
+# A square's and its neighbours' corners: their median follows none that is off by itself.
+_BESIDE = 8
 # Windows of corners reach less far.
 _MARGIN_PX = 32
 
@@ -177,6 +179,7 @@ def _predict_photo(
     board, column, row, pixel = (
         np.concatenate([part[field] for part, _ in parts]) for field in range(4)
     )
+    pixel = pixel - _find_shared_miss(board, pixel, fit, number)
     predicted = Observations(
         image_size=corners.image_size,
         images=(name,),
@@ -200,6 +203,23 @@ def _predict_photo(
         known=known[lacking],
         limit_px=gross_px(fit.residual),
     )
+
+
+def _find_shared_miss(
+    board: IntArray, pixel: FloatArray, fit: RoughFit | Calibration, photo: int
+) -> FloatArray:
+    """How far off (N, 2) predictions are, pixels, by the corners next to them on their board.
+
+    Neighbours share what a lens, a pose or a sheet leaves. 0 on a board without known corners.
+    """
+    miss = np.zeros_like(pixel)
+    for index in np.unique(board):
+        known = (fit.pairs.image == photo) & (fit.pairs.board == index)
+        if known.any():
+            rows = board == index
+            _, beside = nearest(pixel[rows], fit.pairs.pixel[known], _BESIDE)
+            miss[rows] = np.median(fit.residual[known][beside], axis=1)
+    return miss
 
 
 def _number_places(corners: Observations) -> IntArray:
