@@ -364,11 +364,13 @@ def _explain_nothing_read(found: Sequence[PhotoDetection]) -> Finding:
 def _explain_no_checkerboard(found: Sequence[PhotoDetection]) -> DetectionError:
     """Why no photo shows anything: what most of them say."""
     refusals = [one.refusal for one in found if one.refusal]
-    lines = Counter(refusal.line for refusal in refusals)
-    most = max(refusals, key=lambda refusal: lines[refusal.line])
-    if (most.code, "all") in catalogue().finding_texts:
-        figures = {**most.figures, "photos": len(found)}
-        return DetectionError(replace(most, case="all", figures=figures).line)
+    kinds = Counter((refusal.code, refusal.case) for refusal in refusals)
+    most = max(refusals, key=lambda refusal: kinds[refusal.code, refusal.case])
+    cases = [f"{most.case}_all", "all"] if most.case else ["all"]
+    for case in cases:
+        if (most.code, case) in catalogue().finding_texts:
+            figures = {**most.figures, "photos": len(found)}
+            return DetectionError(replace(most, case=case, figures=figures).line)
     return DetectionError(f"{plural(len(found), 'photo')}, no checkerboard: {most.line}")
 
 

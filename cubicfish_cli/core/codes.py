@@ -101,6 +101,7 @@ class Code(StrEnum):
     BLURRED = "blurred"
     SQUARES_TOO_SMALL = "squares_too_small"
     NO_CHECKERBOARD = "no_checkerboard"
+    DOTS = "dots"
     NO_MARKERS = "no_markers"
     TWICE_IN_VIEW = "twice_in_view"
     # About grids that were found in them.

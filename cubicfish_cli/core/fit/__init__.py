@@ -36,7 +36,8 @@ The fit knows nothing of diagnosis. It hands its evidence (`FitEvidence`, or `Fa
 is no fit; `calibration.py`) to a function that its caller gives it, and takes findings back:
 `find_faults` of `app/diagnosis/diagnose.py`.
 
-Beside it stand `alignment.py` (the turn between the frames of two cameras), `evaluate.py` (a known
-camera on other photos) and `nearest_lens` of `fit_lens.py` (any lens through given pixels). The fit
-of the paper's own lift is `app/lenses/point_fit.py`.
+Beside it stand `rough_fit.py` (a camera to look for corners by), `alignment.py` (the turn between
+the frames of two cameras), `evaluate.py` (a known camera on other photos) and `nearest_lens` of
+`fit_lens.py` (any lens through given pixels). The fit of the paper's own lift is
+`app/lenses/point_fit.py`.
 """

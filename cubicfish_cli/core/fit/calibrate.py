@@ -54,7 +54,8 @@ _NEARLY_FLAT = 0.02
 # Beyond this relative uncertainty of the focal length the photos do not determine the lens.
 _MAX_FOCAL_UNCERTAINTY = 0.05
 _RAYS = 500
-_NO_CONVERGENCE = "the fit does not converge"
+NO_CONVERGENCE = "the fit does not converge"
+"""What is said where no step of a fit leads on."""
 
 
 class _UndeterminedError(FitError):
@@ -93,7 +94,7 @@ def calibrate(
             target, or do not determine the lens; the text says the likely cause where one is found.
 
     """
-    _refuse_too_little(pairs)
+    refuse_too_little(pairs)
     _refuse_another_size(pairs)
     if refine_target == "auto" and not pairs.certain.any():
         refine_target = "off"  # uncertain corners say nothing about the target
@@ -108,7 +109,7 @@ def calibrate(
         begin(progress, "cubic")
         rough, gross, gross_error = rejection.without_gross(reference)
         rough = rejection.without_noisy(rough)
-        _refuse_undetermined(rough.reference)
+        refuse_undetermined(rough.reference)
         nominal_fit = fit_nominal_target(rough, target, scale)
         fit = select_model(nominal_fit, refine_target, hold_out, progress)
         seen, residual = fit.reference.pairs, fit.residual
@@ -126,9 +127,7 @@ def calibrate(
         nominal_fit = fit if fit.level == "off" else nominal_fit
         near = _assess(fit, nominal_fit, dropped, pairs, diagnose)
     except (FitError, np.linalg.LinAlgError) as failure:
-        error = (
-            failure if isinstance(failure, FitError) else FitError(_NO_CONVERGENCE, do=CHECK_ALL)
-        )
+        error = failure if isinstance(failure, FitError) else FitError(NO_CONVERGENCE, do=CHECK_ALL)
         if diagnose is not None:
             fits = isinstance(failure, _UndeterminedError)
             found = diagnose(FailedFit(pairs=pairs, target=target, fits=fits))
@@ -246,7 +245,8 @@ def _refuse_another_size(pairs: Observations) -> None:
         )
 
 
-def _refuse_too_little(pairs: Observations) -> None:
+def refuse_too_little(pairs: Observations) -> None:
+    """Raise FitError where pairs are too few, or all of one photo of one flat board."""
     if len(pairs.pixel) < MIN_PAIRS:
         raise FitError(
             f"{len(pairs.pixel)} corners are too few: a cubic camera needs at least {MIN_PAIRS} "
@@ -260,7 +260,8 @@ def _refuse_too_little(pairs: Observations) -> None:
         )
 
 
-def _refuse_undetermined(reference: RadialReference) -> None:
+def refuse_undetermined(reference: RadialReference) -> None:
+    """Raise FitError where the photos leave the lens open."""
     if reference.focal_uncertainty > _MAX_FOCAL_UNCERTAINTY:
         fits = within_noise(reference.pairs, reference.residual) and not reference.unfit
         raise (_UndeterminedError if fits else FitError)(

@@ -23,6 +23,7 @@ from cubicfish_cli.corners.detection.grids import (
     negative_grids,
     negative_photo,
 )
+from cubicfish_cli.corners.detection.ladder import MOST_PIXELS
 from cubicfish_cli.corners.detection.markers_closer import (
     hinted_boards,
     list_marked,
@@ -31,7 +32,6 @@ from cubicfish_cli.corners.detection.markers_closer import (
     read_closer,
     small_boards,
 )
-from cubicfish_cli.corners.detection.ladder import MOST_PIXELS
 from cubicfish_cli.corners.detection.markers_detect import SeenMarkers, Sight, reading_zooms
 from cubicfish_cli.corners.detection.markers_lattice import BoardLattice
 from cubicfish_cli.corners.detection.markers_measure import with_sides_seen

@@ -10,6 +10,7 @@ Plain boards are named by geometry (`name_grids.py`): all grids as nameless plan
 (`scene.py`), and with it known every place on the target is tried photo by photo (`search.py`,
 `decide.py`), with what cannot be decided left out, and once more with the boards where they are.
 What is wrong where grids fit nowhere, or are named as other corners, `app/detection.py` asks of
-`app/diagnosis`. `second_pass.py` then searches where a fitted camera expects more corners, boards
-without markers on a marked target among them. All this needs lenses: it imports `core/fit`.
+`app/diagnosis`. `second_pass.py` then searches where corners are missing and a fitted camera
+expects them, boards without markers on a marked target among them. All this needs lenses: it
+imports `core/fit`.
 """

@@ -61,7 +61,9 @@ _ODD = (Decided.NO_FIT, Decided.NOT_PLANE)
 _OF_GRID = frozenset(("grids", "columns", "rows", "corners"))
 # Figures of a photo, of which the largest is reported of several.
 _OF_PHOTO = frozenset(("error_px", "times"))
-_OF_ONE = _OF_GRID | _OF_PHOTO
+# Figures of what was seen where no grid was found, of which the first photo's are reported.
+_OF_SIGHT = frozenset(("side_px", "blur_px", "seen_at", "dots"))
+_OF_ONE = _OF_GRID | _OF_PHOTO | _OF_SIGHT
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -378,7 +378,39 @@ def test_motion_is_named_though_edges_along_it_stay_sharp(towards_deg):
 
 def test_small_squares_are_named_with_their_size():
     reported = cause(seen(drawn_board(side=3)[0]))
-    assert "squares of 3.0 px; they must be 6 px or more" in reported.what
+    assert reported.code is Code.SQUARES_TOO_SMALL
+    assert reported.figures["side_px"] == pytest.approx(3.0, rel=0.05)
+    assert (reported.figures["least_px"], reported.figures["seen_at"]) == (6, "full")
+
+
+def large(light, blur_px, frame_px=60):
+    """A photo of 1280x960 of the drawn board, four times as large, within a sharp frame."""
+    photo = cv2.resize(light, (1280, 960), interpolation=cv2.INTER_AREA)
+    photo = cv2.GaussianBlur(photo, (0, 0), blur_px)
+    photo[:frame_px] = 20
+    photo = photo + np.random.default_rng(0).normal(0, 1.5, photo.shape)
+    return np.clip(np.rint(photo), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("blur_px", [20, 26])
+def test_a_grid_that_only_a_coarse_scale_shows_is_told_with_its_blur(blur_px):
+    photo = large(drawn_board()[0], blur_px)
+    reported = explain_no_grids(photo, FoundGrids(grids=(), refused=[], image_size=(1280, 960)))
+    assert (reported.code, reported.case) == (Code.BLURRED, "grid")
+    figures = reported.figures
+    assert {figures["columns"], figures["rows"]} <= {7, 8, 9, 5, 6}
+    assert figures["side_px"] == pytest.approx(96, rel=0.05)
+    assert figures["blur_px"] == pytest.approx(blur_px, rel=0.4)
+    assert figures["seen_at"] != "full"
+
+
+@pytest.mark.slow
+def test_a_grid_that_is_seen_and_not_read_is_told():
+    """Squares that do not touch, as tiles with wide joints."""
+    reported = cause(np.clip(textures()["separate tiles"], 0, 255).astype(np.uint8))
+    assert (reported.code, reported.case) == (Code.NO_CHECKERBOARD, "grid")
+    assert reported.figures["side_px"] == pytest.approx(40, rel=0.05)
 
 
 @pytest.mark.slow

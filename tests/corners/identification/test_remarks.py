@@ -7,7 +7,7 @@ import pytest
 from anonymous_grids import anonymous_photos
 from synthetic import IMAGE_SIZE, checkerboard, flat_board, poses_around, synthetic_corners
 
-from cubicfish_cli.core.codes import Code, Remedy
+from cubicfish_cli.core.codes import Code, Remedy, Severity
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.target import Target
@@ -159,3 +159,20 @@ def named(board=0):
 )
 def test_the_drawing_is_right_where_most_photos_fit_it(photos, fits):
     assert nominal_target_fits(photos, TWO) is fits
+
+
+def test_photos_in_which_about_the_same_was_seen_share_a_line():
+    seen = [
+        Finding(
+            code=Code.BLURRED,
+            case="grid",
+            severity=Severity.CARE,
+            images=(name,),
+            figures={
+                "columns": columns, "rows": 4, "side_px": 90.0, "blur_px": blur, "seen_at": "half"
+            },
+        )
+        for name, columns, blur in (("a.png", 6, 9.0), ("b.png", 5, 11.0))
+    ]  # fmt: skip
+    (line,) = remark_lines(seen)
+    assert line.startswith("2 photos (a.png and b.png): ")
