@@ -26,6 +26,7 @@ from cubicfish_cli.app import detection
 from cubicfish_cli.app.executors import cluster, pool
 from cubicfish_cli.app.films import frame_search
 from cubicfish_cli.app.lenses import point_fit
+from cubicfish_cli.commands import exporting
 from cubicfish_cli.core.fit import calibrate as fit
 from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.target import load_target
@@ -33,6 +34,7 @@ from cubicfish_cli.core.views.maps import camera_for_photos
 from cubicfish_cli.corners.identification.second_pass import Prediction
 from cubicfish_cli.extensions.advice import advise
 from cubicfish_cli.extensions.rigs.fit import calibrate as rig_fit
+from cubicfish_cli.extensions.rigs.fit import evaluate as rig_evaluate
 from cubicfish_cli.extensions.rigs.fit import views
 from cubicfish_cli.extensions.simulation import simulate
 from tests.extensions.rigs.test_export import made_rig
@@ -391,6 +393,8 @@ def worked_out_once() -> Iterator[None]:
         patch.setattr(fit, "calibrate", once(fit.calibrate))
         patch.setattr(views, "calibrate", once(views.calibrate))
         patch.setattr(rig_fit, "calibrate_rig", once(rig_fit.calibrate_rig))
+        patch.setattr(rig_evaluate, "evaluate_rig", once(rig_evaluate.evaluate_rig))
+        patch.setattr(exporting, "to_lens", once(exporting.to_lens))
         patch.setattr(point_fit, "calibrate_points", once(point_fit.calibrate_points))
         patch.setattr(simulate, "chosen_poses", once(simulate.chosen_poses))
         patch.setattr(detection, "name_grids", once(detection.name_grids))
