@@ -79,24 +79,30 @@ def test_no_more_frames_are_chosen_than_asked_for(
     assert len(times(out)) == 4
 
 
+@pytest.fixture(scope="module")
+def two_boards(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Eight photos of a board and three of a smaller one, each held for three frames."""
+    frames = [photo for photo in (*photos(), *photos(3, 5, 3)) for _ in range(3)]
+    return write_film(tmp_path_factory.mktemp("film") / "film.mp4", frames)
+
+
 @pytest.mark.parametrize(
-    ("board", "says"),
+    ("command", "board", "says"),
     [
+        ("frames", "7x4", "photos show grids of 7x5 (in 24) and 5x3 (in 9) inner corners, but"),
+        ("calibrate", "8x6", "found 7x5 inner corners in "),
         (
-            "7x4",
-            "photos show grids of 7x5 (in 24) and 5x3 (in 9) inner corners, but",
+            "frames",
+            "5x3",
+            "photos show grids of 7x5 (in 24) inner corners, but the target has one board of",
         ),
-        ("8x6", "found 7x5 inner corners in "),
-        ("5x3", "photos show grids of 7x5 (in 24) inner corners, but the target has one board of"),
     ],
 )
-@pytest.mark.parametrize("command", ["frames", "calibrate"])
 def test_a_board_of_another_count_is_reported_before_anything_is_chosen(
-    run: Run, tmp_path: Path, command: str, board: str, says: str
+    run: Run, two_boards: Path, tmp_path: Path, command: str, board: str, says: str
 ) -> None:
     """Also where a few frames show so little of the board that they fit it."""
-    frames = [photo for photo in (*photos(), *photos(3, 5, 3)) for _ in range(3)]
-    film = write_film(tmp_path / "film.mp4", frames)
+    film = two_boards
     said = run(
         command, film, "--board", board, "--square", "40mm", "-o", tmp_path / "p", "-j", 1, code=1
     )  # fmt: skip

@@ -5,12 +5,14 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from pkgutil import resolve_name
+from typing import NamedTuple
 
 import pytest
-from running import SAMPLE, Run
+from running import ROOT, SAMPLE, Run
 
 import cubicfish_cli
 from cubicfish_cli.app import extensions as extension
@@ -32,14 +34,40 @@ def copied_without(name: str, folder: Path) -> None:
     table.write_text(text.replace(line, ""), encoding="utf-8")
 
 
-def run_without(folder: Path, *args: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "cubicfish_cli", *map(str, args)],
+RUN_ALL = """
+import json, sys
+import cubicfish_cli
+from running import invoke_cli
+done = [invoke_cli(*line) for line in json.load(sys.stdin)]
+said = [(one.exit_code, one.stdout, one.stderr, repr(one.exception)) for one in done]
+json.dump([cubicfish_cli.__file__, said], sys.stdout)
+"""
+
+
+class Done(NamedTuple):
+    """What came of a command."""
+
+    code: int
+    stdout: str
+    stderr: str
+    exception: str
+
+
+def run_without(folder: Path, lines: Sequence[Sequence[object]]) -> list[Done]:
+    """Run command lines, one after the other, by the package that stands in a folder."""
+    places = os.pathsep.join([str(folder), str(ROOT / "tests" / "support")])
+    done = subprocess.run(
+        [sys.executable, "-c", RUN_ALL],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(folder), "PYTHONSAFEPATH": ""},
+        env={**os.environ, "PYTHONPATH": places, "PYTHONSAFEPATH": ""},
+        input=json.dumps([[str(word) for word in line] for line in lines]),
         capture_output=True,
         text=True,
     )
+    assert done.returncode == 0, done.stderr
+    package, said = json.loads(done.stdout)
+    assert Path(package).is_relative_to(folder)
+    return [Done(*one) for one in said]
 
 
 @pytest.mark.slow
@@ -48,14 +76,7 @@ def test_nothing_else_needs_an_extension(
     name: str, calibrated: Path, run: Run, tmp_path: Path
 ) -> None:
     copied_without(name, tmp_path)
-    gone = {one.rpartition(" ")[::2] for one in resolve_name(TABLE[name]).commands}
-    for group, command in gone:
-        said = run_without(tmp_path, *group.split(), "--help")
-        assert said.returncode == 0, said.stderr
-        assert f"\n  {command} " not in said.stdout
-        assert f"\n  {command} " in run(*group.split(), "--help").stdout
-        said = run_without(tmp_path, *group.split(), command, "-h")
-        assert f"No such command '{command}'" in said.stderr
+    gone = [one.rpartition(" ")[::2] for one in resolve_name(TABLE[name]).commands]
     corners, target = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
     photo, flat = SAMPLE / "photos" / "corner_01.jpg", tmp_path / "flat.jpg"
     lines: dict[str, list[object]] = {
@@ -73,9 +94,19 @@ def test_nothing_else_needs_an_extension(
         "target print": [target, "--paper", "A3", "-o", tmp_path / "pages", "--json"],
     }  # fmt: skip
     left = [line for line in lines if line.rpartition(" ")[::2] not in gone]
-    for line in left:
-        done = run_without(tmp_path, *line.split(), *lines[line])
-        assert done.returncode == 0, f"{line}: {done.stderr}"
+    helps = [[*group.split(), "--help"] for group, _ in gone]
+    missed = [[*group.split(), command, "-h"] for group, command in gone]
+    works = [[*line.split(), *lines[line]] for line in left]
+    said = run_without(tmp_path, [*helps, *missed, *works])
+    count = len(gone)
+    for (_, command), line, done in zip(gone, helps, said[:count], strict=True):
+        assert done.code == 0, done
+        assert f"\n  {command} " not in done.stdout
+        assert f"\n  {command} " in run(*line).stdout
+    for (_, command), done in zip(gone, said[count : -len(works)], strict=True):
+        assert f"No such command '{command}'" in done.stderr
+    for line, done in zip(left, said[-len(works) :], strict=True):
+        assert done.code == 0, f"{line}: {done}"
         assert "--json" not in lines[line] or json.loads(done.stdout)
     assert flat.is_file()
 

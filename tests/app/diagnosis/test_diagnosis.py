@@ -624,7 +624,7 @@ def test_what_changes_from_photo_to_photo_accuses_nobody(change):
 def test_what_changes_much_accuses_no_photo(change, size, seed, target):
     """Also where the target was refined, which takes up a part of it."""
     seen, target = unsteady_pairs(change, size, seed=seed, target=target)
-    made = calibrate(seen, target=target, refine_target="auto")
+    made = calibrate(seen, target=target, refine_target="auto", hold_out=False)
     assert not any(one.images for one in made.findings)  # boards may be doubted
     assert Code.LARGE_ERRORS in [one.code for one in made.verdict.reasons]
 

@@ -93,7 +93,7 @@ def test_no_shot_that_is_left_out_is_far_off_where_cameras_run_free() -> None:
 
 @pytest.mark.slow
 def test_a_rig_is_evaluated_with_the_times_that_it_was_fitted_with(tmp_path: Path) -> None:
-    made, cameras = hand_held(2, scatter=0.02), "abc"
+    made, cameras = hand_held(2, moments=20, scatter=0.02), "abc"
     save_target(tmp_path / "target.yaml", made.target)
     files = [tmp_path / f"{name}.csv" for name in cameras]
     rows = ["camera,image,seconds"]
