@@ -341,10 +341,9 @@ def _make_output(
     """
     run.listener.progress("Making the report")
     try:
-        with extra.quiet():
-            make = resolve_name(wanted.content)
+        make = resolve_name(wanted.content)
         content: Content = make(fitted, loaded.pairs, loaded.photos)
-    except Exception as problem:  # matplotlib may be broken in ways of its own
+    except Exception as problem:  # libraries may be broken in ways of their own
         what = f"{type(problem).__name__}: {problem}".splitlines()[0]
         run.listener.tell(Event.NO_PAGE, problem=what)
         return None
