@@ -77,11 +77,12 @@ class Plot:
     ) -> None:
         """Draw each of several paths (K, ...) of one colour."""
         more = f' stroke-dasharray="{dash}"' if dash else ""
-        self._mark("".join(map(self._path, paths)), _stroke(colour, width) + more)
+        placed = self.place(paths) if isinstance(paths, np.ndarray) else map(self.place, paths)
+        self._mark("".join(map(_path, placed)), _stroke(colour, width) + more)
 
     def area(self, outline: Any, colour: str, opacity: float = 1.0) -> None:
         """Fill an outline (K, ...)."""
-        self._mark(self._path(outline) + "Z", f'fill="{colour}" fill-opacity="{opacity:g}"')
+        self._mark(_path(self.place(outline)) + "Z", f'fill="{colour}" fill-opacity="{opacity:g}"')
 
     def image(
         self, pixels: FloatArray, low: Sequence[float], high: Sequence[float], clip: Any = None
@@ -99,7 +100,7 @@ class Plot:
         (left, bottom), (right, top) = self.place([low, high]).tolist()
         cut = ""
         if clip is not None:
-            line = "".join(self._path(one) + "Z" for one in clip)
+            line = "".join(_path(self.place(one)) + "Z" for one in clip)
             self._marks.append(
                 f'<clipPath id="clip"><path clip-rule="evenodd" d="{line}"/></clipPath>'
             )
@@ -157,10 +158,6 @@ class Plot:
         if beside:
             turned = f' transform="rotate(-90 {_LETTER:g} {middle:.1f})"'
             self._axes.append(_write(_LETTER, middle, beside, more=turned))
-
-    def _path(self, points: Any) -> str:
-        at = self.place(points)
-        return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in at[np.isfinite(at).all(1)].tolist())
 
     def _mark(self, line: str, look: str) -> None:
         if line.strip("MZ"):
@@ -316,6 +313,11 @@ def document(plots: Sequence[Plot]) -> str:
         f'font-size="{_LETTER:g}" fill="none">' + "".join(plot.drawn() for plot in plots) + "</svg>"
     )
     return "data:image/svg+xml;base64," + b64encode(text.encode()).decode()
+
+
+def _path(at: FloatArray) -> str:
+    """A line through places (K, 2) in the drawing, without those that are none."""
+    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in at[np.isfinite(at).all(axis=1)].tolist())
 
 
 def _stroke(colour: str, width: float, opacity: float = 1.0) -> str:
