@@ -79,6 +79,11 @@ def main() -> None:
         own = SAMPLE / "true_corners.csv"
         run("calibrate", own, "--target", target, "-o", folder / "camera", "--no-report")
         camera = folder / "camera" / "camera.yaml"
+        # First: what this process holds when it starts another counts as that one's.
+        for suffix in (".npz", ".exr", ".png", ".pgm") if given.map != "0" else ():
+            out = folder / suffix[1:] / f"map{suffix}"
+            seconds, peak = run("map", out, "-m", camera, "--size", given.map)
+            print(f"map {given.map} {suffix}: {peak:,.0f} MB, {seconds:.0f} s", flush=True)
         if given.side:
             width, height = load_camera(camera).camera.image_size
             size = (given.side, given.side * height // width)
@@ -89,10 +94,6 @@ def main() -> None:
                 "undistort", folder / "large.jpg", folder / "flat.jpg", "-m", camera
             )
             print(f"undistort {size[0]}x{size[1]}: {peak:,.0f} MB, {seconds:.0f} s", flush=True)
-        for suffix in (".npz", ".exr", ".png", ".pgm") if given.map != "0" else ():
-            out = folder / f"map{suffix}"
-            seconds, peak = run("map", out, "-m", camera, "--size", given.map)
-            print(f"map {given.map} {suffix}: {peak:,.0f} MB, {seconds:.0f} s", flush=True)
         for count in given.photos:
             table = corners_of(folder, camera, count)
             out = folder / f"c{count}"
