@@ -54,7 +54,7 @@ ENVIRONMENT = {
     "`$XDG_CACHE_HOME/cubicfish`, else `~/.cache/cubicfish`; on macOS and Windows the user's "
     "folder for caches]",
     "XDG_CACHE_HOME": "See `CUBICFISH_CACHE`.",
-    "MPLCONFIGDIR": "The folder where matplotlib, which draws reports and prints, keeps its list "
+    "MPLCONFIGDIR": "The folder where matplotlib, which draws boards and advice, keeps its list "
     "of fonts. [default: a folder in that of `CUBICFISH_CACHE`]",
     "SOURCE_DATE_EPOCH": "The time, in seconds since 1970, that files carry as their date, for "
     "files that can be made again to the byte.",

@@ -83,7 +83,7 @@ def nothing_from_outside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[N
         patch.delenv("CUBICFISH_MODEL", raising=False)
         patch.setenv("CUBICFISH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
         patch.setattr(
-            extra, "missing", lambda of: ["matplotlib"] if of == extra.REPORT else MISSING(of)
+            extra, "missing", lambda of: ["jinja2"] if of == extra.REPORT else MISSING(of)
         )
         yield
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 INSTALL = "pip install 'cubicfish[report]'"
 PRINTING = ("matplotlib",)
-REPORT = ("jinja2", "matplotlib")
+REPORT = ("jinja2",)
 
 
 def missing(libraries: tuple[str, ...]) -> list[str]:

@@ -254,24 +254,50 @@ def read_picture(path: Path | str) -> Picture:
     return decode_picture(path, read_file(path))
 
 
-def decode_picture(path: Path, data: bytes, *, floats: bool = False) -> Picture:
+# By how much a JPEG file is decoded smaller, which takes a fraction of the time.
+_REDUCED = {
+    2: cv2.IMREAD_REDUCED_COLOR_2,
+    4: cv2.IMREAD_REDUCED_COLOR_4,
+    8: cv2.IMREAD_REDUCED_COLOR_8,
+}
+
+
+def decode_small(path: Path, data: bytes, longest: int) -> Picture:
+    """Decode a photo for a copy of so many pixels along its longer side: not smaller than that.
+
+    A JPEG file comes 2, 4 or 8 times smaller where that is enough, in colours; others whole.
+
+    Raises:
+        PhotoError: as :func:`decode_picture`.
+
+    """
+    size = read_size(data) if data.startswith(_JPEG) else None
+    fitting = [] if size is None else [n for n in _REDUCED if max(size) // n >= longest]
+    return decode_picture(path, data, reduced=max(fitting, default=1))
+
+
+def decode_picture(path: Path, data: bytes, *, floats: bool = False, reduced: int = 1) -> Picture:
     """Decode a picture file's bytes, as :func:`read_picture` does; ``path`` is for messages.
 
     Args:
         path: where the bytes came from.
         data: the file.
         floats: whether 32-bit floating point numbers may come back too.
+        reduced: 2, 4 or 8 to have a JPEG file so many times smaller, in colours.
 
     Raises:
         PhotoError: as :func:`read_picture`.
 
     """
+    flags = cv2.IMREAD_UNCHANGED
+    if reduced > 1:
+        flags = _REDUCED[reduced] | cv2.IMREAD_IGNORE_ORIENTATION
     _check(path, data)
     if not is_whole(data):
         raise PhotoError(_DAMAGED, about=shown(path))
     with quiet_stderr():
         try:
-            picture = cv2.imdecode(np.frombuffer(as_stored(data), np.uint8), cv2.IMREAD_UNCHANGED)
+            picture = cv2.imdecode(np.frombuffer(as_stored(data), np.uint8), flags)
         except cv2.error as problem:
             if "CV_IO_MAX_IMAGE" in str(problem):
                 raise _explain_too_large(path) from problem

@@ -6,6 +6,7 @@ import math
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, Literal
@@ -323,12 +324,14 @@ def _make_contents(
 def _make_map(camera: CubicCamera) -> Content | None:
     from cubicfish_cli.app.photos import MAX_PIXELS
     from cubicfish_cli.app.undistortion.choose import build_view
-    from cubicfish_cli.app.undistortion.map_formats import write_npz
+    from cubicfish_cli.app.undistortion.map_formats import MapInBands, write_npz
     from cubicfish_cli.core.views.maps import build_map
 
     if math.prod(camera.image_size) > MAX_PIXELS:
         return None
-    return lambda path: write_npz(path, build_map(camera, build_view(camera)))
+    view = build_view(camera)
+    made = MapInBands(view=view, size=view.size, make=partial(build_map, camera, view))
+    return partial(write_npz, made=made)
 
 
 def _make_output(
@@ -341,10 +344,9 @@ def _make_output(
     """
     run.listener.progress("Making the report")
     try:
-        with extra.quiet():
-            make = resolve_name(wanted.content)
+        make = resolve_name(wanted.content)
         content: Content = make(fitted, loaded.pairs, loaded.photos)
-    except Exception as problem:  # matplotlib may be broken in ways of its own
+    except Exception as problem:  # libraries may be broken in ways of their own
         what = f"{type(problem).__name__}: {problem}".splitlines()[0]
         run.listener.tell(Event.NO_PAGE, problem=what)
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,8 +20,8 @@ from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.undistortion.choose import ChosenView
+    from cubicfish_cli.app.undistortion.map_formats import MapInBands
     from cubicfish_cli.core.files import Content
-    from cubicfish_cli.core.views.maps import UndistortMap
     from cubicfish_cli.core.views.view import View
 
 _HELP = """Write where in the photo each pixel of a view comes from, and the camera of the view.
@@ -114,9 +115,13 @@ def map_files(options: MapOptions, *, run: Run = RUN) -> MapFiles:
 
     """
     from cubicfish_cli.app.undistortion.choose import chosen_view
-    from cubicfish_cli.app.undistortion.map_formats import build_redistort_map, map_paths
+    from cubicfish_cli.app.undistortion.map_formats import (
+        MapInBands,
+        build_redistort_map,
+        map_paths,
+    )
     from cubicfish_cli.core.io.camera_keys import read_camera
-    from cubicfish_cli.core.views.maps import camera_for_photos
+    from cubicfish_cli.core.views.maps import build_map, camera_for_photos
 
     goal, view = Path(options.output), options.view
     plan = map_paths(goal, view.parts if isinstance(view, ViewOptions) else ("",))
@@ -125,9 +130,15 @@ def map_files(options: MapOptions, *, run: Run = RUN) -> MapFiles:
     loaded = read_camera(path)
     there = camera_for_photos(loaded, options.photo_size or loaded.image_size)
     chosen = chosen_view(there, view)
-    maps = chosen.maps
     if options.redistort:
-        maps = {name: build_redistort_map(there, one) for name, one in chosen.views.items()}
+        way, size = partial(build_redistort_map, there), there.image_size
+    else:
+        assert chosen.camera is not None
+        way, size = partial(build_map, chosen.camera), chosen.first.size
+    maps = {
+        name: MapInBands(view=one, size=size, make=partial(way, one))
+        for name, one in chosen.views.items()
+    }
     return MapFiles(
         model=path,
         own=files_of(plan),
@@ -144,7 +155,7 @@ def files_of(plan: Mapping[str, Sequence[Path]]) -> list[Path]:
 
 def write_maps(
     plan: Mapping[str, Sequence[Path]],
-    maps: Mapping[str, UndistortMap],
+    maps: Mapping[str, MapInBands],
     goal: Path,
     run: Run,
     more: Mapping[Path, Content] | None = None,

@@ -12,12 +12,15 @@ from hypothesis import strategies as st
 
 from cubicfish_cli.app import photos
 from cubicfish_cli.app.photos import (
+    decode_picture,
+    decode_small,
     find_photos,
     grey,
     natural_key,
     photo_size,
     read_grey,
     read_picture,
+    thumbnail,
 )
 from cubicfish_cli.core.errors import PhotoError
 
@@ -143,6 +146,25 @@ def test_an_orientation_noted_in_the_file_is_not_applied(tmp_path):
     assert read_picture(path).shape == (30, 40, 3)
     assert read_grey(path).shape == (30, 40)
     assert photo_size(path) == (40, 30)
+
+
+@pytest.mark.parametrize("size", [(1300, 700), (5200, 900), (639, 300)])
+def test_a_copy_is_made_of_no_more_than_it_needs_and_looks_the_same(tmp_path, size):
+    picture = cv2.resize(COLOUR, size, interpolation=cv2.INTER_CUBIC)
+    exif = b"Exif\0\0" + b"II*\0" + struct.pack("<IHHHIII", 8, 1, 0x0112, 3, 1, 6, 0)
+    for suffix in (".jpg", ".png"):
+        data = cv2.imencode(suffix, picture)[1].tobytes()
+        if suffix == ".jpg":  # a quarter turn is noted, and not made
+            data = data[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + data[2:]
+        whole = decode_picture(tmp_path / "a", data)
+        small = decode_small(tmp_path / "a", data, 640)
+        assert whole.shape[:2] == size[::-1]
+        longest = max(small.shape[:2])
+        assert longest >= min(640, max(size))
+        assert longest < (1290 if suffix == ".jpg" else np.inf)
+        one, other = (thumbnail(of, 640).astype(int) for of in (whole, small))
+        assert one.shape == other.shape
+        assert np.abs(one - other).mean() < 1
 
 
 def with_orientation(data, turned):

@@ -71,6 +71,47 @@ def test_a_table_is_calibrated_without_what_photos_films_and_rigs_need(tmp_path:
     assert not loaded & {f"cubicfish_cli.{name}" for name in needless}
 
 
+# What a command does not do: pages, drawings, films, clusters, tables on a terminal, statistics.
+NEEDLESS = {"matplotlib", "jinja2", "av", "rosbags", "asyncio", "distributed", "OpenEXR", "rich",
+            "scipy.interpolate", "scipy.stats", "scipy.integrate",
+            "scipy.ndimage", "scipy.signal", "scipy.cluster"}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("line", "more"),
+    [
+        ("calibrate {photos} -t {target} -o {out} -j 1 --no-report --no-cache", set[str]()),
+        ("detect {photos} -t {target} -o {out}/c.csv -j 1 --no-cache", set[str]()),
+        ("evaluate {photos} -t {target} -m {camera} -j 1 --no-cache", set[str]()),
+        ("undistort {photo} {out}/flat.png -m {camera} -j 1", {"scipy", "email"}),
+        ("map {out}/flat.pgm -m {camera}", {"scipy", "email"}),
+        ("info {camera}", {"scipy", "cv2"}),
+    ],
+)
+def test_what_a_command_does_not_use_is_not_loaded(
+    tmp_path: Path, line: str, more: set[str]
+) -> None:
+    photos = SAMPLE / "photos"
+    files = {"photos": photos / "corner_0[1-3].jpg", "photo": photos / "corner_01.jpg"}
+    known = {"target": SAMPLE / "target.yaml", "camera": SAMPLE / "true_camera.yaml"}
+    args = line.format(**files, **known, out=tmp_path / "out").split()
+    code = (
+        "import sys; from cubicfish_cli.app.terminal.main import cli\n"
+        f"cli({args!r}, standalone_mode=False)\n"
+        f"print('loaded:', *({NEEDLESS | more!r} & sys.modules.keys()))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "loaded:"
+
+
+@pytest.mark.slow
+def test_a_hypothesis_that_is_not_tried_costs_no_start() -> None:
+    code = "import sys, cubicfish_cli.app.detection; print('scipy.optimize' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
+
+
 @pytest.mark.slow
 def test_photos_are_undistorted_without_what_is_known_of_a_fit(tmp_path: Path) -> None:
     photo = next((SAMPLE / "photos").iterdir())

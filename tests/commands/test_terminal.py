@@ -1,5 +1,6 @@
 """What a terminal shows, and what a pipe gets: on real terminals, through the real entry point."""
 
+import io
 import json
 import os
 import re
@@ -240,6 +241,22 @@ def test_names_that_do_not_fit_go_on_below(monkeypatch: pytest.MonkeyPatch) -> N
     assert rows[0].split()[1:] == ["1.25", "2"]
 
 
+CELLS = st.sampled_from(["", "-", "1", "-2.50", "1,024", "1e-5", "good", WIDE, "e\u0301té", "⚠️"])
+
+
+@given(st.lists(st.tuples(CELLS, CELLS, CELLS), max_size=4))
+def test_a_pipe_gets_the_table_that_a_painted_one_is(rows: list[tuple[str, str, str]]) -> None:
+    shown = []
+    for painted in ("", "1"):
+        with pytest.MonkeyPatch.context() as patch:
+            stream = io.StringIO()
+            patch.setattr(sys, "stdout", stream)
+            patch.setenv("FORCE_COLOR", painted)
+            print_table(("photo", "rms px", "verdict"), rows)
+        shown.append([line.rstrip() for line in unstyled(stream.getvalue()).splitlines()])
+    assert shown[0] == shown[1]
+
+
 def test_names_cannot_steer_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     shown = screen(monkeypatch, 80)
     print_table(("photo", "n"), [("\x1b[31mred\x07\u202egpj.exe\r\x9b2J", "1")])
@@ -282,8 +299,6 @@ def test_a_broken_line_goes_on_indented() -> None:
 
 def test_json_is_json_in_any_encoding(capsysbinary: pytest.CaptureFixture[bytes],
                                       monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
-    import io
-
     for encoding in ("utf-8", "ascii", "latin-1"):
         raw = io.BytesIO()
         stream = io.TextIOWrapper(raw, encoding=encoding, errors="backslashreplace")

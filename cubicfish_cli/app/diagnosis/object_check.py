@@ -10,7 +10,6 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.core.boards.board import Board
@@ -165,5 +164,7 @@ def _do_cross(one: Board, other: Board) -> bool:
     middle = np.linalg.norm(apart - axes @ (low + high) / 2)
     if middle > (np.linalg.norm((high - low)[:2]) + np.linalg.norm((high - low)[2:])) / 2:
         return False
+    from scipy.optimize import lsq_linear  # slow to load, and seldom needed
+
     nearest = lsq_linear(axes, apart, (low, high), method="bvls")
     return bool(np.linalg.norm(nearest.fun) < touch.min() / 2)

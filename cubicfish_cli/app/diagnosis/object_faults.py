@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize_scalar
 
 from cubicfish_cli.app.diagnosis.evidence import GridEvidence
 from cubicfish_cli.core.boards.board import Board, FirstSquare
@@ -234,6 +233,7 @@ def _fit_ratio(
     seen: _Measured, boards: Sequence[int], start: float
 ) -> tuple[float, dict[int, FloatArray]]:
     """The best ratio of squares, near a rough one, and the places of the corners with it."""
+    from scipy.optimize import minimize_scalar  # slow to load, and seldom needed
 
     def resize(ratio: float) -> dict[int, FloatArray]:
         origin = {index: seen.boards[index].origin for index in boards}

@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -11,6 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
+from multiprocessing.process import BaseProcess
 from typing import Protocol, TypeVar
 
 import cv2
@@ -57,6 +59,8 @@ Photo = TypeVar("Photo", bound=_Named)
 
 # Fewer photos than this are not worth starting other processes for.
 _ITEMS_FOR_POOL = 4
+# How a process ends that cannot even begin, as Python does where it raises.
+_CANNOT_BEGIN = 1
 # Signals that ask for the end of a run, where there are such.
 _REQUESTS = {
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
@@ -118,15 +122,33 @@ class Work:
 def by_processes(
     work: Callable[[Photo], Answer], items: Sequence[Photo], workers: int
 ) -> Iterator[Answer]:
-    """Yield the answers in order; leaving early waits for what is being worked on."""
+    """Yield the answers in order; leaving early waits for what is being worked on.
+
+    Raises:
+        DetectionError: a process was ended from outside, or could not load the caller's script.
+
+    """
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        # A script that begins its work as it is loaded is loaded here again, and begins again:
+        # the process that it was begun in tells.
+        sys.exit(_CANNOT_BEGIN)
     # A forked copy of a process whose OpenCV has threads may hang: processes are made anew.
+    others, processes = {*multiprocessing.active_children()}, set[BaseProcess]()
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin)
     try:
         with _hold_signals_back():
             answers = deque(pool.submit(work, item) for item in items)
+        processes = {*multiprocessing.active_children()} - others
         while answers:
             yield answers.popleft().result()
     except BrokenProcessPool as error:
+        pool.shutdown(cancel_futures=True)
+        # By a signal the code would be less than zero.
+        if any((process.exitcode or 0) > 0 for process in processes):
+            raise DetectionError(
+                "the processes that look for corners load your script again, and it does its work "
+                "as it is loaded: put the work below 'if __name__ == \"__main__\":', or pass jobs=1"
+            ) from error
         raise DetectionError(
             "a process that looked for corners was ended from outside, as happens when memory "
             "runs out: try again with --jobs 1"

@@ -1,37 +1,16 @@
 """Figures of pages: their style, and where cameras stand in space."""
 
-import io
-from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d import Axes3D
-from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
-from cubicfish_cli.app.drawing import lay_out
+from cubicfish_cli.app.pages.plot import Plot, Space, document
 from cubicfish_cli.core.types import FloatArray, IntArray
 
-INK, MUTED = "#1d2329", "#57606a"
 BLUE, ORANGE, GREEN, PURPLE, RED = "#0072b2", "#d98200", "#00805d", "#b5609b", "#c84e00"
 BOARD_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, RED)
-STYLE: dict[Any, Any] = {
-    # The same drawing has the same ids in every run.
-    "svg.hashsalt": "cubicfish",
-    "svg.fonttype": "none",
-    "font.size": 10,
-    "savefig.dpi": 150,
-    "axes.edgecolor": MUTED,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "grid.color": "#dfe3e8",
-    "axes.axisbelow": True,
-}
-WIDTH = 5.0
-"""Of every figure, inches."""
 MOST_DOTS = 4000
 # Half of what a drawn camera sees, as a share of its length.
 _HALF_FIELD = 0.6
@@ -71,19 +50,9 @@ class Drawn:
     keys: tuple[Key, ...] = ()
 
 
-def new_figure(height: float = 3.3) -> Figure:
-    """Return an empty figure of the common width; heights are in inches."""
-    return Figure(figsize=(WIDTH, height), layout="constrained")
-
-
-def finished(figure: Figure, **more: Any) -> Drawn:
-    """Finish a figure; ``more`` are further fields of :class:`Drawn`."""
-    lay_out(figure)
-    data = io.BytesIO()
-    undated = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-    figure.savefig(data, format="svg", metadata=undated)
-    image = "data:image/svg+xml;base64," + b64encode(data.getvalue()).decode()
-    return Drawn(image=image, **more)
+def finished(*plots: Plot, **more: Any) -> Drawn:
+    """Finish a figure of some plots; ``more`` are further fields of :class:`Drawn`."""
+    return Drawn(image=document(plots), **more)
 
 
 def some(count: int, most: int) -> IntArray:
@@ -96,13 +65,6 @@ def some(count: int, most: int) -> IntArray:
 def thinned(count: int, most: int, what: str) -> str:
     """Return the caption's remark where not everything is drawn."""
     return f" {most:,} of {count:,} {what} are drawn." if count > most else ""
-
-
-def dots(axes: Axes, at: FloatArray, colour: str, size: float, alpha: float = 1.0) -> None:
-    """Discs at (N, 2), as one picture: thousands of them would make a large file."""
-    axes.scatter(
-        at[:, 0], at[:, 1], s=size**2, color=colour, alpha=alpha, linewidths=0, rasterized=True
-    )
 
 
 def upright(ahead: FloatArray, up: FloatArray) -> FloatArray:
@@ -118,7 +80,7 @@ def upright(ahead: FloatArray, up: FloatArray) -> FloatArray:
 
 
 def draw_cameras(
-    axes: Axes3D, centre: FloatArray, rotation: FloatArray, size: float, colours: Sequence[str]
+    space: Space, centre: FloatArray, rotation: FloatArray, size: float, colours: Sequence[str]
 ) -> None:
     """Draw small pyramids at (N, 3) that open the way cameras look, rotations (N, 3, 3)."""
     a, b = size * _HALF_FIELD, 0.75 * size * _HALF_FIELD
@@ -127,19 +89,6 @@ def draw_cameras(
     path = np.array([tip, base[0], base[1], tip, base[1], base[2], tip, base[2], base[3], tip,
                      base[3], base[0]])  # fmt: skip
     strokes = np.einsum("nji,kj->nki", rotation, path) + centre[:, None]
-    axes.add_collection3d(Line3DCollection(list(strokes), colors=list(colours), linewidths=0.8))
-
-
-def show_evenly(axes: Axes3D, points: FloatArray, elevation: float, azimuth: float) -> None:
-    """Show all points (N, 3), at one scale along all axes, seen from somewhere."""
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    half = 0.55 * float(np.ptp(points, axis=0).max() or 1.0)
-    axes.set(
-        **{f"{name}lim": (at - half, at + half) for name, at in zip("xyz", middle, strict=True)}
-    )
-    axes.set_box_aspect((1, 1, 1), zoom=1.1)
-    axes.set_proj_type("ortho")
-    axes.view_init(elev=elevation, azim=azimuth)
-    axes.tick_params(labelsize=7)
-    if elevation > 80:
-        axes.set_zticks([])
+    for colour in dict.fromkeys(colours):
+        own = [stroke for stroke, its in zip(strokes, colours, strict=True) if its == colour]
+        space.lines(own, colour, 0.8)

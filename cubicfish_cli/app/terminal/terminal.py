@@ -16,7 +16,7 @@ import shutil
 import sys
 import textwrap
 import unicodedata
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Literal, TextIO
@@ -167,14 +167,17 @@ def print_table(
         styles: of each row's last cell; none for plain ones.
 
     """
+    stream = sys.stdout
+    room, colour = columns_of(stream), has_colour(stream)
+    texts = [[as_shown(safe(cell), stream) for cell in row] for row in (titles, *rows)]
+    if room is None and not colour:  # rich takes as long to load as numpy
+        echo("\n".join(_aligned(texts)), stream)
+        return
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    stream = sys.stdout
-    room, colour = columns_of(stream), has_colour(stream)
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    texts = [[as_shown(safe(cell), stream) for cell in row] for row in (titles, *rows)]
     for title, *cells in zip(*texts, strict=True):
         is_number = all(map(_is_number, cells))
         justify: Literal["left", "right"] = "right" if is_number else "left"
@@ -187,6 +190,27 @@ def print_table(
     with console.capture() as shown:
         console.print(table)
     echo("\n".join(line.rstrip() for line in shown.get().rstrip("\n").split("\n")), stream)
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Rows of a table, the first of titles, as lines."""
+    columns = []
+    for cells in zip(*rows, strict=True):
+        widths = [*map(_width, cells)]
+        spaces = [" " * (max(widths) - width) for width in widths]
+        right = all(map(_is_number, cells[1:]))
+        both = zip(cells, spaces, strict=True)
+        columns.append([space + cell if right else cell + space for cell, space in both])
+    return ("  ".join(row).rstrip() for row in zip(*columns, strict=True))
+
+
+def _width(cell: str) -> int:
+    """How many columns of a terminal a text takes."""
+    if cell.isascii():
+        return len(cell)
+    from rich.cells import cell_len
+
+    return cell_len(cell)
 
 
 def _is_number(cell: str) -> bool:

@@ -8,10 +8,13 @@ The virtual camera of a view is written as a file in plain YAML.
 
 import json
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, Self
+from zipfile import ZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +23,7 @@ from cubicfish_cli.app.undistortion.images import encode_picture, part_name
 from cubicfish_cli.core.errors import OutputError, UsageError, ViewError
 from cubicfish_cli.core.files import Content, whole_file
 from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.types import BoolArray
 from cubicfish_cli.core.views.fields import in_picture
 from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap
 from cubicfish_cli.core.views.view import MAX_SIDE, CentralView, View
@@ -29,10 +33,58 @@ Shorts = npt.NDArray[np.uint16]
 
 _BEYOND = 65_535
 _ROWS_PER_BLOCK = 32
+# What becomes of a map on its way into a file takes 40 bytes for each of so many pixels.
+_BAND_PIXELS = 1_000_000
 
 
-def build_redistort_map(camera: CubicCamera, view: View) -> UndistortMap:
+@dataclass(frozen=True, kw_only=True)
+class MapInBands:
+    """A map that is made some rows at a time, each time that it is gone through.
+
+    Attributes:
+        view: what is rendered, or what it is rendered from again.
+        size: (width, height) of the map.
+        make: the map of some rows.
+
+    """
+
+    view: View
+    size: tuple[int, int]
+    make: Callable[[range], UndistortMap]
+
+    @classmethod
+    def of(cls, made: UndistortMap) -> Self:
+        """A map that is there, in bands."""
+
+        def cut(rows: range) -> UndistortMap:
+            own = slice(rows.start, rows.stop)
+            x, y, valid = made.map_x[own], made.map_y[own], made.valid[own]
+            return replace(made, map_x=x, map_y=y, valid=valid)
+
+        height, width = made.map_x.shape
+        return cls(view=made.view, size=(width, height), make=cut)
+
+    def __iter__(self) -> Iterator[tuple[slice, UndistortMap]]:
+        """Yield rows and their map, from the top on."""
+        width, height = self.size
+        step = max(1, _BAND_PIXELS // width)
+        for top in range(0, height, step):
+            rows = range(top, min(height, top + step))
+            yield slice(rows.start, rows.stop), self.make(rows)
+
+    @property
+    def valid(self) -> BoolArray:
+        """(H, W) whether the photo has the pixel and the camera may be trusted there."""
+        return np.concatenate([band.valid for _, band in self])
+
+
+def build_redistort_map(camera: CubicCamera, view: View, rows: range | None = None) -> UndistortMap:
     """The map that renders the camera's photo again from a picture of the view.
+
+    Args:
+        camera: whose photo it is.
+        view: what the picture shows.
+        rows: the rows of the photo that the map is of; all by default.
 
     Raises:
         ViewError: the camera's photos are larger than ``cv2.remap`` can take.
@@ -41,17 +93,16 @@ def build_redistort_map(camera: CubicCamera, view: View) -> UndistortMap:
     width, height = camera.image_size
     if max(width, height) > MAX_SIDE:
         raise ViewError(f"a side of a photo may have {MAX_SIDE} pixels at most")
-    x, y = np.full((2, height, width), OUTSIDE, np.float32)
-    valid = np.zeros((height, width), bool)
-    for top in range(0, height, _ROWS_PER_BLOCK):
-        rows = slice(top, min(height, top + _ROWS_PER_BLOCK))
-        pixel = np.stack(
-            np.meshgrid(np.arange(width), np.arange(rows.start, rows.stop)), axis=-1
-        ).astype(float)
+    rows = rows or range(height)
+    x, y = np.full((2, len(rows), width), OUTSIDE, np.float32)
+    valid = np.zeros((len(rows), width), bool)
+    for top in range(0, len(rows), _ROWS_PER_BLOCK):
+        own = slice(top, min(len(rows), top + _ROWS_PER_BLOCK))
+        pixel = np.stack(np.meshgrid(np.arange(width), rows[own]), axis=-1).astype(float)
         source = view.pixels(camera.unproject(pixel))
         inside = in_picture(source, view.size)
-        valid[rows] = inside
-        x[rows][inside], y[rows][inside] = source[inside].T
+        valid[own] = inside
+        x[own][inside], y[own][inside] = source[inside].T
     return UndistortMap(
         map_x=x, map_y=y, valid=valid, view=view, image_size=view.size, redistorts=True
     )
@@ -78,25 +129,41 @@ def save_map(path: Path | str, undistort_map: UndistortMap, *, overwrite: bool =
 
     """
     with whole_file(Path(path), overwrite=overwrite) as temporary:
-        write_npz(temporary, undistort_map)
+        write_npz(temporary, MapInBands.of(undistort_map))
 
 
-def write_npz(path: Path, made: UndistortMap) -> None:
-    """Write such a file of a map of either direction (``format``), over an existing file too."""
-    way = "redistort_map" if made.redistorts else "undistort_map"
-    with path.open("wb") as file:
-        np.savez(
-            file,
-            map_x=made.map_x,
-            map_y=made.map_y,
-            valid=made.valid,
-            view=np.array(json.dumps(made.view.as_record())),
-            format=np.array(f"cubicfish {way} 1"),
-            image_size=np.array(made.image_size),
-        )
+def write_npz(path: Path, made: MapInBands) -> None:
+    """Write such a file of a map of either direction (``format``), over an existing file too.
+
+    It is as ``numpy.savez`` writes it, but that ``map_x`` is never in memory.
+    """
+    width, height = made.size
+    y, valid = np.empty((height, width), np.float32), np.empty((height, width), bool)
+    head = {"descr": y.dtype.str, "fortran_order": False, "shape": y.shape}
+    with ZipFile(path, "w") as file:
+
+        def member(name: str) -> AbstractContextManager[IO[bytes]]:
+            return file.open(f"{name}.npy", "w", force_zip64=True)
+
+        with member("map_x") as part:
+            np.lib.format.write_array_header_1_0(part, head)
+            for rows, band in made:
+                part.write(band.map_x.tobytes())
+                y[rows], valid[rows] = band.map_y, band.valid
+        way = "redistort_map" if band.redistorts else "undistort_map"
+        more = {
+            "map_y": y,
+            "valid": valid,
+            "view": np.array(json.dumps(made.view.as_record())),
+            "format": np.array(f"cubicfish {way} 1"),
+            "image_size": np.array(band.image_size),
+        }
+        for name, values in more.items():
+            with member(name) as part:
+                np.lib.format.write_array(part, values, allow_pickle=False)
 
 
-def write_exr(path: Path, made: UndistortMap) -> None:
+def write_exr(path: Path, made: MapInBands) -> None:
     """STMap: R and G hold x and y as 32-bit floats, B is 0.
 
     Raises:
@@ -104,8 +171,11 @@ def write_exr(path: Path, made: UndistortMap) -> None:
         OSError: the file cannot be written.
 
     """
-    u, v = stmap(made)
     library = require_exr(path)
+    width, height = made.size
+    u, v = np.empty((2, height, width), np.float32)
+    for rows, band in made:
+        u[rows], v[rows] = stmap(band)
     header = {"compression": library.ZIP_COMPRESSION, "type": library.scanlineimage}
     with library.File(header, {"R": u, "G": v, "B": np.zeros_like(u)}) as file:
         try:
@@ -142,11 +212,10 @@ def png_values(pixel_map: UndistortMap) -> tuple[Shorts, Shorts]:
 
 def pgm_values(pixel_map: UndistortMap) -> tuple[Shorts, Shorts]:
     """Maps for ffmpeg's remap filter, x and y (H, W): whole source pixels, 65535 for no place."""
-    x, y = (
-        np.where(pixel_map.empty, _BEYOND, np.rint(part)).astype(np.uint16)
-        for part in (pixel_map.map_x, pixel_map.map_y)
-    )
-    return x, y
+    empty = pixel_map.empty
+    x, y = (np.rint(part) for part in (pixel_map.map_x, pixel_map.map_y))
+    x[empty] = y[empty] = _BEYOND
+    return x.astype(np.uint16), y.astype(np.uint16)
 
 
 def ffmpeg_command(path_x: Path, path_y: Path) -> str:
@@ -176,13 +245,38 @@ def map_paths(output: Path, parts: Sequence[str] = ("",)) -> dict[str, tuple[Pat
     }
 
 
-def map_contents(paths: Sequence[Path], made: UndistortMap) -> dict[Path, Content]:
-    """The contents of the files of one map, as :func:`write_files` takes them."""
+def map_contents(paths: Sequence[Path], made: MapInBands) -> dict[Path, Content]:
+    """The contents of the files of one map, as :func:`write_files` takes them.
+
+    The map is made while the first is written; of the second its numbers are kept until then.
+    """
     suffix = paths[0].suffix.lower()
-    if suffix in _PAIRS:
-        values = _PAIRS[suffix](made)
-        return {path: encode_picture(path, one) for path, one in zip(paths, values, strict=True)}
-    return {paths[0]: partial(write_npz if suffix == ".npz" else write_exr, made=made)}
+    if suffix not in _PAIRS:
+        return {paths[0]: partial(write_npz if suffix == ".npz" else write_exr, made=made)}
+    width, height = made.size
+    pair: list[Shorts] = []
+
+    def write(path: Path) -> None:
+        if not pair:
+            pair.extend(np.empty((2, height, width), np.uint16))
+            for rows, band in made:
+                pair[0][rows], pair[1][rows] = _PAIRS[suffix](band)
+        _write_grey(path, pair.pop(0))
+
+    return dict.fromkeys(paths, write)
+
+
+def _write_grey(path: Path, values: Shorts) -> None:
+    """Write numbers (H, W) as a grey picture of 16 bits."""
+    if path.suffix.lower() != ".pgm":
+        path.write_bytes(encode_picture(path, values))
+        return
+    height, width = values.shape
+    with path.open("wb") as file:
+        file.write(f"P5\n{width} {height}\n{_BEYOND}\n".encode())
+        step = max(1, _BAND_PIXELS // width)
+        for top in range(0, height, step):
+            values[top : top + step].astype(">u2").tofile(file)
 
 
 _PAIRS: Mapping[str, Callable[[UndistortMap], tuple[Shorts, Shorts]]] = {
@@ -195,7 +289,7 @@ FORMAT_VERSION = 1
 
 
 def view_files(
-    maps: Mapping[str, UndistortMap], *, mask: Path | None = None, beside: Path | None
+    maps: Mapping[str, UndistortMap | MapInBands], *, mask: Path | None = None, beside: Path | None
 ) -> dict[Path, Content]:
     """The mask and the virtual camera of each part of a view, as :func:`write_files` takes them.
 

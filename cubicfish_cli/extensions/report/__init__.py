@@ -2,7 +2,7 @@
 
 `core/assess/verdict.py` judges a fit by its record in camera.yaml; `calibrate` prints the verdict.
 `app/calibration_facts.py` recomputes every corner's error from that record, the corners and the
-target, unless they are not those of the fit. `figures.py` and `scene.py` draw with matplotlib;
+target, unless they are not those of the fit. `figures.py` and `scene.py` draw plots;
 names that a user chose never enter a figure. `pictures.py` makes small copies of photos, `page.py`
 fills the template, which escapes everything. `calibrate` and `cubicfish report` make the same page
 to the byte.

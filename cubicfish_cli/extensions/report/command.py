@@ -55,9 +55,8 @@ def report_files(options: ReportOptions, *, run: Run = RUN) -> ReportFiles:
     model, target = in_folder(Path(options.camera)), path_or_none(options.target)
     path = path_or_none(options.page) or model.parent / PAGE
     refuse_existing(path, overwrite=run.overwrite)
-    with extra.quiet():
-        from cubicfish_cli.app.calibration_facts import facts_of_files
-        from cubicfish_cli.extensions.report.page import report_html
+    from cubicfish_cli.app.calibration_facts import facts_of_files
+    from cubicfish_cli.extensions.report.page import report_html
 
     run.listener.progress("Making the report")
     facts = facts_of_files(model, target=target, photos=list(map(Path, options.photos)))

@@ -3,24 +3,33 @@
 import math
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 
 from cubicfish_cli.app.calibration_facts import ErrorFacts, Facts
 from cubicfish_cli.app.comparison import aligned_difference
 from cubicfish_cli.app.difference_picture import round_up
-from cubicfish_cli.app.drawing import drawing
 from cubicfish_cli.app.pages import figures as page
+from cubicfish_cli.app.pages.plot import (
+    INK,
+    Plot,
+    colour_bar,
+    colours,
+    nice_step,
+    picture_plot,
+    wide_plot,
+)
 from cubicfish_cli.app.words.camera import uncertainty_words
 from cubicfish_cli.core.fit.statistics import rms_px
 from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.sphere import ray_at
+from cubicfish_cli.core.types import FloatArray
 
 _MOST_STROKES = 1500
 _FINE_CELLS = 12
 _STEP_DEG = 5.0
+_HEIGHT = 200.0
+# Cells across and down in which uncertainty is drawn; its range is that of some of them.
+_CELLS, _EVERY, _BANDS = (388, 292), 4, 10
 # 95 of 100 arrows are at most this share of the picture's longer side.
 _ARROW_SHARE = 0.04
 
@@ -29,39 +38,39 @@ def all_figures(facts: Facts) -> dict[str, page.Drawn]:
     """Draw every figure that these facts allow, by its name."""
     drawn: list[page.Drawn | None] = []
     errors, camera = facts.errors, facts.camera
-    with drawing(page.STYLE):
-        if errors is not None:
-            drawn += [coverage_figure(facts, errors), vectors_figure(facts, errors)]
-            drawn += [places_figure(facts, errors), angle_figure(errors)]
-        if isinstance(camera, CubicCamera):
-            drawn += [profile_figure(camera), uncertainty_figure(facts, camera)]
+    if errors is not None:
+        drawn += [coverage_figure(facts, errors), vectors_figure(facts, errors)]
+        drawn += [places_figure(facts, errors), angle_figure(errors)]
+    if isinstance(camera, CubicCamera):
+        drawn += [profile_figure(camera), uncertainty_figure(facts, camera)]
     return {figure.name: figure for figure in drawn if figure is not None}
 
 
 def coverage_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     """Draw the corners, and the cells of the field that hold none."""
-    figure, axes = _make_photo_axes(facts)
+    plot = picture_plot(facts.camera.image_size)
     pixel, pairs, cells = errors.pairs.pixel, errors.pairs, errors.cells
-    keys = [page.Key(kind="line", colour=page.INK, text="where the camera may be trusted")]
+    keys = [page.Key(kind="line", colour=INK, text="where the camera may be trusted")]
     empty = int(cells.empty.sum())
     if empty:
         height, width = cells.empty.shape
-        extent = (-0.5, width * cells.cell - 0.5, height * cells.cell - 0.5, -0.5)
         shade = np.where(cells.empty[..., None], [0.78, 0.31, 0, 0.22], 0.0)
-        axes.imshow(shade, extent=extent, interpolation="nearest", zorder=0.5)
+        end = np.array([width, height]) * cells.cell - 0.5
+        plot.image(shade, (-0.5, end[1]), (end[0], -0.5))
         keys.append(page.Key(kind="area", colour=page.RED, text="no corner here"))
     shown = page.some(len(pixel), page.MOST_DOTS)
     boards = pairs.boards if 1 < len(pairs.boards) <= len(page.BOARD_COLOURS) else ("corner",)
     for index, (board, colour) in enumerate(zip(boards, page.BOARD_COLOURS, strict=False)):
         own = shown[pairs.board[shown] == index] if len(boards) > 1 else shown
-        page.dots(axes, pixel[own], colour, 2.5)
+        plot.dots(pixel[own], colour, 2.2)
         keys.append(page.Key(kind="dot", colour=colour, text=board))
     share = facts.fit.coverage
     caption = f"Corners cover {100 * share:.0f} % of the field." if math.isfinite(share) else ""
     if empty:
         caption += " What a camera says of places without corners nobody has checked."
+    _draw_outline(plot, facts)
     return page.finished(
-        figure,
+        plot,
         name="coverage",
         title="Where the corners are",
         label=f"{len(pixel)} corners over the photo, and {empty} parts of the field without any",
@@ -80,17 +89,16 @@ def vectors_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     """Draw residuals as arrows, magnified."""
     length = errors.length
     zoom = arrow_zoom(facts, errors)
-    figure, axes = _make_photo_axes(facts)
+    plot = picture_plot(facts.camera.image_size)
     shown = page.some(len(length), _MOST_STROKES)
     start = errors.pairs.pixel[shown]
     ends = np.stack([start, start + zoom * errors.residual[shown]], axis=1)
-    axes.add_collection(
-        LineCollection(list(ends), colors=page.BLUE, linewidths=0.8, rasterized=True)
-    )
-    page.dots(axes, start, page.INK, 1.5)
+    plot.lines(ends, page.BLUE, 0.8)
+    plot.dots(start, INK, 1.5)
+    _draw_outline(plot, facts)
     typical = float(np.percentile(length, 95))
     return page.finished(
-        figure,
+        plot,
         name="vectors",
         title="Errors as arrows",
         label=f"Reprojection errors as arrows, {zoom:g} times as long as they are; the 95th "
@@ -100,7 +108,7 @@ def vectors_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
         "of the target or of the corner finder."
         + page.thinned(len(length), _MOST_STROKES, "errors"),
         keys=(
-            page.Key(kind="dot", colour=page.INK, text="detected corner"),
+            page.Key(kind="dot", colour=INK, text="detected corner"),
             page.Key(kind="line", colour=page.BLUE, text=f"its error, {zoom:g} ×"),
         ),
     )
@@ -116,12 +124,12 @@ def places_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     square = np.histogram2d(at[:, 0], at[:, 1], bins=edges, weights=errors.length**2)[0].T
     value = np.sqrt(square / np.where(count, count, np.nan))
     top = round_up(float(np.nanpercentile(value, 95)))
-    figure, axes = _make_photo_axes(facts)
-    cells = axes.pcolormesh(*edges, value, cmap="cividis", vmin=0, vmax=top, rasterized=True)
-    beyond = "max" if np.nanmax(value) > top else "neither"
-    figure.colorbar(cells, location="bottom", label="px RMS", aspect=40, extend=beyond)
+    plot = picture_plot(facts.camera.image_size)
+    plot.image(colours(value / top), (-0.5, edges[1][-1]), (edges[0][-1], -0.5))
+    _draw_outline(plot, facts)
     return page.finished(
-        figure,
+        plot,
+        colour_bar(plot, (0, top), "px RMS", beyond=bool(np.nanmax(value) > top)),
         name="places",
         title="Errors over the picture",
         label=f"RMS error in {int((count > 0).sum())} cells of the photo, from "
@@ -141,17 +149,17 @@ def angle_figure(errors: ErrorFacts) -> page.Drawn | None:
     rms = np.array([rms_px(errors.residual[bins == index]) for index in used])
     few = min(int((bins == index).sum()) for index in used)
     top = 1.15 * max(float(np.percentile(length, 99)), float(rms.max()), 1e-9)
-    figure = page.new_figure()
-    axes = figure.add_subplot()
-    axes.grid(True)
+    labels = ("angle from the axis, degrees", "error, px")
+    plot = wide_plot((0, _STEP_DEG * float(used.max() + 1)), (0, top), _HEIGHT, labels)
     shown = page.some(len(length), page.MOST_DOTS // 2)
-    page.dots(axes, np.stack([angle, length], axis=-1)[shown], page.BLUE, 2.0, 0.6)
-    axes.hlines(rms, used * _STEP_DEG, (used + 1) * _STEP_DEG, colors=page.ORANGE, linewidth=2.4)
-    axes.set(xlim=(0, _STEP_DEG * (used.max() + 1)), ylim=(0, top))
-    axes.set(xlabel="angle from the axis, degrees", ylabel="error, px")
+    plot.dots(np.stack([angle, length], axis=-1)[shown], page.BLUE, 1.8, 0.7)
+    steps = [
+        [(_STEP_DEG * at, y), (_STEP_DEG * (at + 1), y)] for at, y in zip(used, rms, strict=True)
+    ]
+    plot.lines(steps, page.ORANGE, 2.4)
     beyond = int((length > top).sum())
     return page.finished(
-        figure,
+        plot,
         name="angle",
         title="Errors by angle from the axis",
         label=f"Errors by angle from the axis; RMS from {rms.min():.3f} to {rms.max():.3f} px in "
@@ -185,24 +193,28 @@ def profile_figure(camera: CubicCamera) -> page.Drawn:
         ("stereographic, 2 f tan(θ/2)", page.PURPLE, 2 * focal * np.tan(theta / 2)),
         ("equisolid, 2 f sin(θ/2)", page.RED, 2 * focal * np.sin(theta / 2)),
     )
-    figure = page.new_figure(4.6)
-    axes, below = figure.subplots(2, sharex=True, height_ratios=(2, 1))
-    for part in (axes, below):
-        part.grid(True)
-        part.set_xlim(0, float(degrees[-1]))
+    ends = (0.0, float(degrees[-1]))
+    plot = wide_plot(ends, (0, 1.12 * float(own.mean(axis=1).max())), _HEIGHT, (None, "radius, px"))
     for _, colour, radius in ideals:
-        axes.plot(degrees, radius, color=colour, linewidth=0.9, linestyle="--")
-    axes.plot(degrees[known], other.mean(axis=1)[known], color=page.ORANGE, linewidth=3.2)
-    axes.plot(degrees, own.mean(axis=1), color=page.BLUE, linewidth=1.4)
-    axes.set(ylim=(0, 1.12 * float(own.mean(axis=1).max())), ylabel="radius, px")
-    low, high = difference[known].min(axis=1), difference[known].max(axis=1)
-    below.fill_between(degrees[known], low, high, color=page.BLUE, alpha=0.25, linewidth=0)
-    below.plot(degrees[known], difference[known].mean(axis=1), color=page.BLUE, linewidth=1.4)
-    below.axhline(0, color=page.ORANGE, linewidth=1.2)
-    below.set(ylabel="difference, px", xlabel="angle from the axis θ, degrees")
+        plot.lines([_stack(degrees, radius)], colour, 0.9, dash="4 2")
+    plot.lines([_stack(degrees, other.mean(axis=1))[known]], page.ORANGE, 3.2)
+    plot.lines([_stack(degrees, own.mean(axis=1))], page.BLUE, 1.4)
+    low, high = (
+        _stack(degrees, at)[known] for at in (difference.min(axis=1), difference.max(axis=1))
+    )
+    least, most = (
+        float(at(np.append(one[:, 1], 0))) for at, one in ((np.min, low), (np.max, high))
+    )
+    spare = 0.05 * (most - least)
+    labels = ("angle from the axis θ, degrees", "difference, px")
+    below = wide_plot(ends, (least - spare, most + spare), _HEIGHT / 2, labels, plot.bottom - 20)
+    below.area(np.concatenate([low, high[::-1]]), page.BLUE, 0.25)
+    below.lines([[(0, 0), (ends[1], 0)]], page.ORANGE, 1.2)
+    below.lines([_stack(degrees, difference.mean(axis=1))[known]], page.BLUE, 1.4)
     largest = float(np.abs(difference[known]).max()) if known.any() else 0.0
     return page.finished(
-        figure,
+        plot,
+        below,
         name="profile",
         title="The lens: radius by angle",
         label=f"Radius by angle from the axis to {camera.max_angle_deg:.0f} degrees, beside the "
@@ -222,26 +234,36 @@ def profile_figure(camera: CubicCamera) -> page.Drawn:
 
 def uncertainty_figure(facts: Facts, camera: CubicCamera) -> page.Drawn | None:
     """Draw the uncertainty of the camera's pixels over the photo."""
-    width, height = camera.image_size
-    x, y = np.linspace(0, width - 1, 97), np.linspace(0, height - 1, 73)
-    pixel = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    sigma = facts.fit.uncertainty.at(pixel)
+    # In the middles of equal cells of the photo.
+    sides = zip(camera.image_size, _CELLS, strict=True)
+    x, y = ((np.arange(cells) + 0.5) / cells * side - 0.5 for side, cells in sides)
+    pixel = np.stack(np.meshgrid(x, y), axis=-1)
+    sigma = facts.fit.uncertainty.at(pixel.reshape(-1, 2))
     if sigma is None:
         return None
-    inside = inside_polygon(pixel, facts.outline)
+    sigma = sigma.reshape(pixel.shape[:2])
+    some, where = sigma[::_EVERY, ::_EVERY].ravel(), pixel[::_EVERY, ::_EVERY].reshape(-1, 2)
+    inside, field = inside_polygon(where, facts.outline), [facts.outline]
     if facts.errors and facts.errors.cells.blind:  # where the camera sees itself
         around = np.linspace(0, 2 * np.pi, 180)
-        hole = camera.project(ray_at(np.full(180, facts.errors.cells.blind), around))
-        inside &= ~inside_polygon(pixel, hole)
-    shown = np.ma.masked_where(~(inside & np.isfinite(sigma) & (sigma > 0)), sigma)
-    if not shown.count():
+        field.append(camera.project(ray_at(np.full(180, facts.errors.cells.blind), around)))
+        inside &= ~inside_polygon(where, field[-1])
+    shown = some[inside & np.isfinite(some) & (some > 0)]
+    if not len(shown):
         return None
-    figure, axes = _make_photo_axes(facts)
-    bands = axes.contourf(x, y, shown.reshape(len(y), len(x)), 7, cmap="cividis")
-    figure.colorbar(bands, location="bottom", label="px", aspect=40)
+    step = nice_step(max(float(np.ptp(shown)), 1e-9 * float(shown.max())) / _BANDS)
+    low, high = step * np.floor(shown.min() / step), step * np.ceil(shown.max() / step)
+    bands = max(1, round((high - low) / step))
+    band = np.clip(np.floor((sigma - low) / step), 0, bands - 1)
+    plot = picture_plot(camera.image_size)
+    width, height = camera.image_size
+    corners = (-0.5, height - 0.5), (width - 0.5, -0.5)
+    plot.image(colours((band + 0.5) / bands), *corners, clip=field)
+    _draw_outline(plot, facts)
     figures = facts.fit.uncertainty.field
     return page.finished(
-        figure,
+        plot,
+        colour_bar(plot, (low, low + bands * step), "px", steps=bands),
         name="uncertainty",
         title="How certain the camera is",
         label=f"Uncertainty of a distant point's pixel over the photo, from {shown.min():.3f} "
@@ -253,14 +275,11 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> page.Drawn | None:
     )
 
 
-def _make_photo_axes(facts: Facts) -> tuple[Figure, Axes]:
-    """Make axes of a photo's shape, y down, with the trusted field's outline."""
-    figure = page.new_figure(3.9)
-    axes = figure.add_subplot()
-    width, height = facts.camera.image_size
-    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")
-    axes.spines[:].set_visible(True)
-    axes.locator_params(nbins=5)
+def _stack(x: FloatArray, y: FloatArray) -> FloatArray:
+    return np.stack([x, y], axis=-1)
+
+
+def _draw_outline(plot: Plot, facts: Facts) -> None:
+    """Draw where the camera may be trusted."""
     if len(facts.outline) > 2:
-        axes.fill(*facts.outline.T, facecolor="none", edgecolor=page.INK, linewidth=0.9, zorder=3)
-    return figure, axes
+        plot.lines([[*facts.outline, facts.outline[0]]], INK, 0.9)

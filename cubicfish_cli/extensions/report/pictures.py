@@ -10,7 +10,15 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.app.calibration_facts import Facts, PhotoRecord
-from cubicfish_cli.app.photos import Picture, data_uri, decode_picture, read_file, thumbnail
+from cubicfish_cli.app.photos import (
+    Picture,
+    data_uri,
+    decode_picture,
+    decode_small,
+    read_file,
+    read_size,
+    thumbnail,
+)
 from cubicfish_cli.app.undistortion.choose import build_view
 from cubicfish_cli.app.undistortion.images import remap_picture
 from cubicfish_cli.core.errors import PhotoError, ViewError
@@ -85,7 +93,7 @@ def all_pictures(facts: Facts, zoom: float) -> Pictures:
 
     def made(photo: PhotoRecord) -> tuple[PhotoPicture, Example | None] | str:
         try:
-            picture = _read(facts, photo)
+            picture = _read(facts, photo, whole=photo is example)
         except PhotoError as problem:
             return f"{problem}."
         middle, card = thumbnail(picture, _CARD), None
@@ -108,8 +116,8 @@ def all_pictures(facts: Facts, zoom: float) -> Pictures:
     )
 
 
-def _read(facts: Facts, photo: PhotoRecord) -> Picture:
-    """Read a photo of a fit.
+def _read(facts: Facts, photo: PhotoRecord, *, whole: bool) -> Picture:
+    """Read a photo of a fit; if not whole, large enough for its copies.
 
     Raises:
         PhotoError: it cannot be read, or has changed since the fit.
@@ -119,8 +127,9 @@ def _read(facts: Facts, photo: PhotoRecord) -> Picture:
     data = read_file(path)
     if digest is not None and hashlib.sha256(data).hexdigest() != digest:
         raise PhotoError(f"{path} is not shown: it is no longer the photo that was calibrated with")
-    picture = decode_picture(path, data)
-    if picture.shape[1::-1] != facts.camera.image_size:
+    picture = decode_picture(path, data) if whole else decode_small(path, data, _CARD)
+    size = picture.shape[1::-1] if whole else read_size(data) or picture.shape[1::-1]
+    if size != facts.camera.image_size:
         raise PhotoError(f"{path} is not shown: it is not of the camera's size")
     return picture
 

@@ -1,11 +1,10 @@
 """Views in space of the target and the photos' places."""
 
 import numpy as np
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from cubicfish_cli.app.calibration_facts import Facts
-from cubicfish_cli.app.drawing import drawing
 from cubicfish_cli.app.pages import figures as page
+from cubicfish_cli.app.pages.plot import INK, Space
 from cubicfish_cli.core.fit.poses import rotation_from_vector
 
 # Size of a drawn camera, as a share of all that is drawn.
@@ -34,38 +33,33 @@ def scene_figures(facts: Facts) -> dict[str, page.Drawn]:
     size = _CAMERA * float(np.ptp(everything, axis=0).max() or 1.0)
     drawn = {}
     for name, (title, elevation, azimuth) in zip(("scene-side", "scene-top"), _VIEWS, strict=True):
-        with drawing(page.STYLE):
-            figure = page.new_figure(4.2)
-            axes = figure.add_subplot(projection="3d")
-            for board, plate, colour in zip(boards, plates, colours, strict=False):
-                if board.points is None:
-                    axes.add_collection3d(
-                        Poly3DCollection([plate @ turn.T], alpha=0.3, facecolor=colour)
-                    )
-            for points in loose:
-                shown = points[page.some(len(points), page.MOST_DOTS // 4)] @ turn.T
-                axes.scatter(*shown.T, s=4, color=page.BLUE)
-            page.draw_cameras(
-                axes, centre @ turn.T, rotation @ turn.T, size, [page.INK] * len(centre)
-            )
-            page.show_evenly(axes, everything, elevation, azimuth)
-            drawn[name] = page.finished(
-                figure,
-                name=name,
-                title=title,
-                label=f"{len(plates)} boards and {len(centre)} camera poses",
-                caption=f"{len(centre):,} photo{'s' * (len(centre) != 1)}; lengths are in "
-                f"{facts.units or 'the units of the target'}.",
-                keys=(
-                    *(
-                        page.Key(kind="area", colour=colour, text=board.name)
-                        for board, colour in zip(boards * several, colours, strict=False)
-                    ),
-                    page.Key(
-                        kind="line",
-                        colour=page.INK,
-                        text="a photo: the open side looks at the target",
-                    ),
+        space = Space(everything, elevation, azimuth)
+        seen = [
+            (plate @ turn.T, colour)
+            for board, plate, colour in zip(boards, plates, colours, strict=False)
+            if board.points is None
+        ]
+        for plate, colour in sorted(seen, key=lambda one: space.depth(one[0])):
+            space.area(plate, colour, 0.3)
+        for points in loose:
+            shown = points[page.some(len(points), page.MOST_DOTS // 4)] @ turn.T
+            space.dots(shown, page.BLUE, 2.0)
+        page.draw_cameras(space, centre @ turn.T, rotation @ turn.T, size, [INK] * len(centre))
+        drawn[name] = page.finished(
+            space,
+            name=name,
+            title=title,
+            label=f"{len(plates)} boards and {len(centre)} camera poses",
+            caption=f"{len(centre):,} photo{'s' * (len(centre) != 1)}; lengths are in "
+            f"{facts.units or 'the units of the target'}.",
+            keys=(
+                *(
+                    page.Key(kind="area", colour=colour, text=board.name)
+                    for board, colour in zip(boards * several, colours, strict=False)
                 ),
-            )
+                page.Key(
+                    kind="line", colour=INK, text="a photo: the open side looks at the target"
+                ),
+            ),
+        )
     return drawn

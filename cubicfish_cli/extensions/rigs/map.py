@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -94,7 +95,7 @@ def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
     import numpy as np
 
     from cubicfish_cli.app.undistortion.choose import ChosenView, chosen_view
-    from cubicfish_cli.app.undistortion.map_formats import map_paths
+    from cubicfish_cli.app.undistortion.map_formats import MapInBands, map_paths
     from cubicfish_cli.core.plain_yaml import plain_yaml_text
     from cubicfish_cli.core.views.fields import sees
     from cubicfish_cli.core.views.maps import build_map, camera_for_photos
@@ -133,7 +134,10 @@ def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
         common = between.field_view(common)
         chosen = ChosenView(views={"": common})
     turned = zip(both, between.cameras, between.views(common), strict=True)
-    maps = {name: build_map(camera, own) for name, camera, own in turned}
+    maps = {
+        name: MapInBands(view=own, size=own.size, make=partial(build_map, camera, own))
+        for name, camera, own in turned
+    }
     about_pair = {
         "cameras": list(both),
         "units": loaded.units,

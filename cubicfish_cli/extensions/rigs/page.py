@@ -5,20 +5,15 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.app.drawing import drawing
 from cubicfish_cli.app.pages.figures import (
     BOARD_COLOURS,
-    INK,
-    MUTED,
-    STYLE,
     Drawn,
     Key,
     draw_cameras,
     finished,
-    new_figure,
-    show_evenly,
     upright,
 )
+from cubicfish_cli.app.pages.plot import INK, MUTED, Space
 from cubicfish_cli.app.pages.template import day_of, template
 from cubicfish_cli.app.words.camera import LEVELS
 from cubicfish_cli.core.assess.fit_record import origin_of
@@ -37,8 +32,7 @@ def rig_html(rig: Rig) -> str:
     The same rig gives the same page, to the byte.
     """
     colours = [COLOURS[number % len(COLOURS)] for number in range(len(rig.cameras))]
-    with drawing(STYLE):
-        figure = _draw_places(rig, colours)
+    figure = _draw_places(rig, colours)
     known = [one for one in rig.fit.per_shot if not np.isnan(one.rms_px)]
     return template(Path(__file__).with_name("page.html")).render(
         verdict=rig.verdict,
@@ -61,15 +55,13 @@ def _draw_places(rig: Rig, colours: Sequence[str]) -> Drawn:
     turn = upright(rotation[0, 2], -rotation[:, 1].mean(axis=0))
     at, rotation = at @ turn.T, rotation @ turn.T
     size = _CAMERA * (float(np.ptp(at, axis=0).max()) or 1.0)
-    figure = new_figure(4.2)
-    axes = figure.add_subplot(projection="3d")
-    draw_cameras(axes, at, rotation, size, colours)
+    space = Space(np.concatenate([at, at + size * rotation[:, 2]]), 30, -60)
+    draw_cameras(space, at, rotation, size, colours)
     for number, place in enumerate(at, start=1):
-        axes.text(*place, str(number))
-    show_evenly(axes, np.concatenate([at, at + size * rotation[:, 2]]), 30, -60)
+        space.text(place, str(number))
     named = enumerate(zip(colours, rig.cameras, strict=True), start=1)
     return finished(
-        figure,
+        space,
         name="rig-places",
         title="The rig",
         label=f"{len(at)} cameras in space",

@@ -62,10 +62,8 @@ def write_rig_page(rig: Path, page: Path, run: Run) -> Verdict:
         OutputError: the page is there, or cannot be written.
 
     """
+    from cubicfish_cli.extensions.rigs.page import rig_html
     from cubicfish_cli.extensions.rigs.rig import load_rig
-
-    with extra.quiet():
-        from cubicfish_cli.extensions.rigs.page import rig_html
 
     loaded = load_rig(rig)
     run.listener.progress("Making the report")

@@ -11,6 +11,7 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
 import pytest
+from running import SAMPLE
 
 from cubicfish_cli.app.executors import pool
 from cubicfish_cli.app.executors.pool import by_processes, workers_for
@@ -117,6 +118,35 @@ def test_a_process_that_is_killed_is_an_error_and_no_hang(place: int) -> None:
     problem = outcome(dies, items)
     assert isinstance(problem, DetectionError)
     assert "ended from outside" in str(problem)
+
+
+BARE = """
+import sys
+import numpy as np
+from cubicfish import Target, detect
+grey = np.zeros((64, 64), np.uint8)
+detect([grey, grey], Target.load(sys.argv[1]), jobs=2)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ["file", "standard input"])
+def test_a_script_that_works_as_it_is_loaded_is_told_so(tmp_path: Path, way: str) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(BARE)
+    done = subprocess.run(
+        [sys.executable, script if way == "file" else "-", SAMPLE / "target.yaml"],
+        input=BARE, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    said = done.stderr.splitlines()[-1]
+    assert said.startswith("cubicfish_cli.core.errors.DetectionError: ")
+    assert "__name__" in said
+    assert "jobs=1" in said
+    assert "memory" not in done.stderr
+    if way == "file":
+        assert "script.py" in done.stderr
+        assert "bootstrapping" not in done.stderr
+        assert done.stderr.count("line 6, in <module>") == 1  # of the other processes nothing
 
 
 @pytest.mark.slow

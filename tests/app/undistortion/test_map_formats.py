@@ -4,6 +4,7 @@ import shlex
 import shutil
 import subprocess
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -12,7 +13,9 @@ import pytest
 from lenses import cubic_camera
 from saved_maps import read_map
 
+from cubicfish_cli.app.undistortion import map_formats
 from cubicfish_cli.app.undistortion.map_formats import (
+    MapInBands,
     build_redistort_map,
     ffmpeg_command,
     map_contents,
@@ -23,7 +26,7 @@ from cubicfish_cli.app.undistortion.map_formats import (
 )
 from cubicfish_cli.core.errors import OutputError, UsageError, ViewError
 from cubicfish_cli.core.files import write_files
-from cubicfish_cli.core.views.maps import UndistortMap, build_map
+from cubicfish_cli.core.views.maps import UndistortMap, build_map, camera_for_photos
 from cubicfish_cli.core.views.view import MAX_SIDE, CentralView, rotation_from_angles
 
 CAMERA = cubic_camera(100.0)  # 960x720
@@ -34,7 +37,7 @@ VALID = MAP.valid
 
 def written(path: Path, pixel_map: UndistortMap = MAP) -> tuple[Path, ...]:
     paths = map_paths(path)[""]
-    write_files(map_contents(paths, pixel_map), overwrite=False)
+    write_files(map_contents(paths, MapInBands.of(pixel_map)), overwrite=False)
     return paths
 
 
@@ -49,6 +52,39 @@ FLAT = cv2.remap(PHOTO, MAP.map_x, MAP.map_y, cv2.INTER_LINEAR)
 
 def test_the_map_has_both_kinds_of_pixels():
     assert 0.5 < VALID.mean() < 0.95
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".exr", ".png", ".pgm"])
+@pytest.mark.parametrize("back", [False, True])
+def test_a_map_made_in_bands_gives_the_same_files(tmp_path, monkeypatch, suffix, back):
+    if suffix == ".exr":
+        pytest.importorskip("OpenEXR")
+    small = camera_for_photos(CAMERA, (96, 72))
+    way = partial(build_redistort_map if back else build_map, small, VIEW)
+    whole = way()
+    sizes = []
+
+    def make(rows):
+        sizes.append(len(rows))
+        return way(rows)
+
+    size = whole.map_x.shape[::-1]
+    before = [path.read_bytes() for path in written(tmp_path / f"whole{suffix}", whole)]
+    monkeypatch.setattr(map_formats, "_BAND_PIXELS", 10 * size[0] + 7)
+    banded = MapInBands(view=VIEW, size=size, make=make)
+    paths = map_paths(tmp_path / f"banded{suffix}")[""]
+    write_files(map_contents(paths, banded), overwrite=False)
+    assert [path.read_bytes() for path in paths] == before
+    assert max(sizes) == 10
+    assert sum(sizes) == size[1]  # once only, also where there are two files
+    np.testing.assert_array_equal(banded.valid, whole.valid)
+
+
+def test_a_saved_map_is_what_numpy_writes(tmp_path):
+    save_map(tmp_path / "m.npz", MAP)
+    read = dict(np.load(tmp_path / "m.npz"))
+    np.savez(tmp_path / "again.npz", **read)
+    assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "m.npz").read_bytes()
 
 
 def test_a_saved_map_is_what_numpy_reads(tmp_path):
@@ -97,7 +133,7 @@ def test_y_of_an_stmap_grows_upwards():
 def test_an_exr_that_cannot_be_written_is_said_to_be_so(tmp_path):
     pytest.importorskip("OpenEXR")
     with pytest.raises(OSError, match=r"^No such file or directory$"):
-        write_exr(tmp_path / "none" / "m.exr", MAP)
+        write_exr(tmp_path / "none" / "m.exr", MapInBands.of(MAP))
 
 
 def test_without_openexr_the_extra_is_named(tmp_path, monkeypatch):

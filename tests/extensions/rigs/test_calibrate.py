@@ -207,7 +207,7 @@ def test_a_rig_is_judged_by_its_figures(
 def test_names_on_a_rigs_page_are_only_text(
     made: tuple[Path, dict[str, Any]],
 ) -> None:
-    pytest.importorskip("matplotlib")
+    pytest.importorskip("jinja2")
     from cubicfish_cli.extensions.rigs.page import rig_html
 
     rig = load_rig(made[0])
