@@ -131,6 +131,8 @@ RADIAL = PriorChoice(spread=0.0, weight=100.0, central=True)
 # The prior that is expected before any photo is used: most lenses on sale have less asymmetry than
 # the largest that was found, and few corners need a firm prior.
 EXPECTED = PriorChoice(spread=1e-4, weight=WEIGHTS[2])
+# What one Gauss-Newton step says of a prior so many steps of the two lists away is rough.
+_FAR = 3
 # Fits that only lead to a choice need not be exact to the last digit.
 _SCAN_DECREASE = 1e-4
 # A sum of squared errors, pixels², that is nothing but rounding.
@@ -308,6 +310,8 @@ def choose_prior(
     # A prior that was made firmer stays so.
     prior = start.prior if chosen == begun else chosen
     fitted = fit_cubic(reference, prior, start=start, relative_decrease=NEAR_DECREASE)
+    if everywhere and steps[_PRIORS.index(chosen)] >= _FAR:  # those around it again, from there
+        return choose_prior(reference, groups, start=fitted)
     return replace(fitted, runners_up=runners_up)
 
 
