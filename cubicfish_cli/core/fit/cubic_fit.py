@@ -27,13 +27,12 @@ from cubicfish_cli.core.fit.deformable_target import (
     NominalTarget,
 )
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
-from cubicfish_cli.core.fit.lenses import CubicFit, RayPrior
+from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.nearest_cubic import (
     MARGIN_DEG,
     SAFER_PULLS,
     cone_angle,
     linear_cubic,
-    refined_cubic,
 )
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import RadialReference
@@ -44,9 +43,6 @@ from cubicfish_cli.core.types import FloatArray, IntArray
 if TYPE_CHECKING:
     from cubicfish_cli.core.fit.held_out import HeldOut
 
-# Expected relative departure of P3Φ from that of the reference's cubic: so loose that the optimum
-# hardly depends on it, and far from a pole.
-_DENOMINATOR_SPREAD = 0.3
 # Expected travel of the entrance pupil, as a share of the corners' distance: millimetres at arm's
 # length.
 _TRAVEL_SPREAD = 0.02
@@ -135,6 +131,8 @@ RADIAL = PriorChoice(spread=0.0, weight=100.0, central=True)
 # The prior that is expected before any photo is used: most lenses on sale have less asymmetry than
 # the largest that was found, and few corners need a firm prior.
 EXPECTED = PriorChoice(spread=1e-4, weight=WEIGHTS[2])
+# What one Gauss-Newton step says of a prior so many steps of the two lists away is rough.
+_FAR = 3
 # Fits that only lead to a choice need not be exact to the last digit.
 _SCAN_DECREASE = 1e-4
 # A sum of squared errors, pixels², that is nothing but rounding.
@@ -233,11 +231,9 @@ def starts(
     """
     if start is not None:
         yield with_prior(start.lens, reference, prior, errors), start.poses
-    near, camera, (bent, poses) = reference.cubic, reference.camera, reference.bent(prior.spread)
-    lens = near.lens
-    if prior.spread:
-        lens = refined_cubic(lens, near.rays, bent.project(near.rays) + near.miss)
-    yield with_prior(lens, reference, prior, errors), poses
+    near, camera, (_, poses) = reference.cubic, reference.camera, reference.bent(prior.spread)
+    bent = reference.ray_prior(prior.spread).near.lens
+    yield with_prior(bent, reference, prior, errors), poses
     pixel = camera.project(near.rays)
     for pull in SAFER_PULLS:
         safer = linear_cubic(near.rays, pixel, camera, denominator_pull=pull, weights=near.weights)
@@ -258,21 +254,11 @@ def with_prior(
         errors: (N, 2) of the corners, pixels.
 
     """
-    near, pairs, old = reference.cubic, reference.pairs, lens.ray_prior
-    bent, _ = reference.bent(prior.spread)
-    if old is not None and old.near is near:
-        lens = lens.with_prior_of(bent, prior.weight)
-    else:
-        sigma = max(noise_px(reference.errors), 1e-3)
-        ray_prior = RayPrior(
-            near=near,
-            lens=bent,
-            weight=prior.weight,
-            # So that 16 independent relative changes of P3Φ by its spread count as one noise each.
-            denominator_weight=float(sigma / _DENOMINATOR_SPREAD * np.sqrt(16 / len(near.rays))),
-        )
-        far = near.lens.with_pixels_of(lens, near.rays)
-        lens = replace(far, travel=lens.travel, ray_prior=ray_prior)
+    pairs, old, new = reference.pairs, lens.ray_prior, reference.ray_prior(prior.spread)
+    rays = new.near.rays
+    if old is None or old.near.rays is not rays:
+        lens = replace(reference.cubic.lens.with_pixels_of(lens, rays), travel=lens.travel)
+    lens = replace(lens, ray_prior=replace(new, weight=prior.weight))
     if prior.central:
         return replace(lens, travel=0.0, travel_weight=_STILL)
     # What a unit of the pupil's travel counts as, among corners with these residuals.
@@ -324,6 +310,8 @@ def choose_prior(
     # A prior that was made firmer stays so.
     prior = start.prior if chosen == begun else chosen
     fitted = fit_cubic(reference, prior, start=start, relative_decrease=NEAR_DECREASE)
+    if everywhere and steps[_PRIORS.index(chosen)] >= _FAR:  # those around it again, from there
+        return choose_prior(reference, groups, start=fitted)
     return replace(fitted, runners_up=runners_up)
 
 
@@ -353,7 +341,7 @@ def _predict_squares(
     grams = []
     for spread in dict.fromkeys(one.spread for one in priors):
         weights = np.array([one.weight for one in priors if one.spread == spread])
-        grams.append(start.lens.with_prior_of(reference.bent(spread)[0]).priors(weights))
+        grams.append(replace(start.lens, ray_prior=reference.ray_prior(spread)).priors(weights))
     photos = LeaveOneOut(start, groups).residuals(np.concatenate(grams))
     squares = {photo: np.nansum(np.square(residual), axis=(0, 1)) for photo, residual in photos}
     return np.array([squares[photo] for photo in range(len(squares))]).T

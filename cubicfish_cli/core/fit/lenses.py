@@ -179,14 +179,6 @@ class CubicFit(FitLens):
         mean = float((lift(rays) @ sphere_basis() @ coefficients[2]).mean())
         return replace(self, coefficients=coefficients / mean)
 
-    def with_prior_of(self, lens: BentFit, weight: float | None = None) -> CubicFit:
-        """The same P under a prior with another lens, of the same weight or another one."""
-        prior = self.ray_prior
-        if prior is None:
-            return self
-        weight = prior.weight if weight is None else weight
-        return replace(self, ray_prior=replace(prior, lens=lens, weight=weight))
-
     def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
         moved, by_point, by_travel = from_pupil_and_slopes(points, self.travel)

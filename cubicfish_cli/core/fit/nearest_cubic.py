@@ -1,4 +1,4 @@
-"""The cubic nearest to a radial lens: the centre of P's prior, and the start of its fit.
+"""The cubic nearest to a radial lens or to a bent one: P's prior's centre, its fit's start.
 
 First it is found by linear least squares (Zhu & Yin 2010, Eq. 8–9), then in pixels. The linear
 equations u·P3Φ − P1Φ = 0 and v·P3Φ − P2Φ = 0 weight each pair by its unknown denominator P3Φ, which
@@ -6,11 +6,13 @@ biases the plain solution. Dividing by the previous round's denominator (Sanatha
 removes that.
 """
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
 from cubicfish_cli.core.fit.lenses import CubicFit, NearestCubic
+from cubicfish_cli.core.fit.normal_equations import gram, solve_scaled
 from cubicfish_cli.core.lenses.cubic import pole_or_fold_deg
 from cubicfish_cli.core.lenses.lift import lift, sphere_basis
 from cubicfish_cli.core.lenses.radial import RadialCamera
@@ -40,6 +42,11 @@ SAFER_PULLS = (1e-2, 1.0, 100.0)
 # guess there, and a profile with many coefficients makes of it what no cubic can follow.
 _SHARES_BEYOND = (1e-3, 1e-2, 1e-1, 1.0)
 _MOST = 100  # evaluations
+# The same for the cubic near which P3Φ is only expected and from which a fit goes on: Gauss-Newton
+# steps, at most, and the share of its squared miss to which one must lower it to be worth another.
+_BENT_ROUNDS, _WORTH_ANOTHER = 8, 0.5
+# As a share of the diagonal: what is lost in rounding stays.
+_ROUNDING = 1e-9
 _FREE = 47  # numbers of P, its scale fixed
 # Error of a ray that the lens of a step does not see, pixels.
 _UNSEEN_PX = 1e3
@@ -170,6 +177,51 @@ def nearest_cubic(camera: RadialCamera, covered_angles: tuple[float, float]) -> 
             return NearestCubic(rays=rays, within=within, lens=lens, miss=miss)
     # Every start has a pole: take the safest, whose P3Φ is nearly constant; no miss is known.
     return NearestCubic(rays=rays, within=within, lens=start, miss=np.zeros_like(pixel))
+
+
+def nearest_bent_cubic(
+    near: NearestCubic, pixel: FloatArray, firm: float, valid_deg: float
+) -> NearestCubic:
+    """Find the cubic nearest to a bent lens, from the one nearest to the radial lens.
+
+    What the radial lens's cubic misses is no part of it: see
+    :class:`~cubicfish_cli.core.fit.lenses.RayPrior`.
+
+    Args:
+        near: the cubic nearest to the radial lens.
+        pixel: (M, 2) where the bent lens sees its rays; not finite where it sees none.
+        firm: pixels that a relative change of P3Φ by 1 counts as, at each ray: what hardly changes
+            pixels stays.
+        valid_deg: half-angle of the valid cone, degrees.
+
+    Returns:
+        The cubic with the rays and the miss of ``near``; that one itself where the other has a pole
+        or a fold in the valid cone.
+
+    """
+    lens, found, least = near.lens, near.lens, np.inf
+    stiff, first = firm * near.values, near.lens.coefficients[2]
+    root, index = near.weights[:, None], np.arange(_FREE)
+    for _ in range(_BENT_ROUNDS):
+        with np.errstate(all="ignore"):  # a step to a pole is not taken
+            seen, _, by_parameters = lens.far_jacobian(near.rays)
+            miss = root * (seen - pixel - near.miss)
+            slope = (root[:, :, None] * by_parameters[:, :, :_FREE]).reshape(-1, _FREE)
+            square = gram(slope, miss.reshape(-1))
+        drift = stiff @ (lens.coefficients[2] - first)
+        square[32:, 32:] += gram(stiff @ lens.denominator_basis, drift)
+        before, least = least, float(square[-1, -1])
+        if not least < before:
+            break
+        found = lens
+        if least > _WORTH_ANOTHER * before:
+            break
+        square[index, index] *= 1 + _ROUNDING
+        step = solve_scaled(square[:-1, :-1], square[:-1, -1:])[:, 0]
+        lens = lens.with_parameters(lens.parameters - np.append(step, 0.0))
+    sees_all = np.isfinite(found.far(near.rays)).all()
+    sound = sees_all and pole_or_fold_deg(found.P, valid_deg) is None
+    return replace(near, lens=found) if sound else near
 
 
 def refined_cubic(

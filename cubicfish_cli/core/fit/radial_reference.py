@@ -17,7 +17,14 @@ from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.core.fit.asymmetric import BentFit
 from cubicfish_cli.core.fit.fit_lens import FreeLens
-from cubicfish_cli.core.fit.nearest_cubic import MARGIN_DEG, NearestCubic, nearest_cubic
+from cubicfish_cli.core.fit.lenses import RayPrior
+from cubicfish_cli.core.fit.nearest_cubic import (
+    MARGIN_DEG,
+    NearestCubic,
+    cone_angle,
+    nearest_bent_cubic,
+    nearest_cubic,
+)
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.start import NONE_PLACED, fit_poses, start_at_centre
 from cubicfish_cli.core.fit.statistics import gross_px, noise_px, wide_px
@@ -63,6 +70,9 @@ _BENT_DECREASE = 1e-6
 # well below any noise. So that the frame is not left to chance, the prior's lens stays within about
 # this share of the focal length of the principal point that the corners gave.
 _CENTRE_SPREAD = 0.01
+# Expected relative departure of P3Φ from that of the cubic nearest to the prior's lens: so loose
+# that the optimum hardly depends on it, and far from a pole.
+_DENOMINATOR_SPREAD = 0.3
 LOST_PX = 10.0
 """The error, at first, of a corner that a known lens does not see."""
 
@@ -81,6 +91,7 @@ class RadialReference(RadialAdjustment):
     focal_uncertainty: float
     _bent: dict[float, tuple[BentFit, Poses]] = field(default_factory=dict, init=False, repr=False)
     _cubic: list[NearestCubic] = field(default_factory=list, init=False, repr=False)
+    _priors: dict[float, RayPrior] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def camera(self) -> RadialCamera:
@@ -97,6 +108,7 @@ class RadialReference(RadialAdjustment):
         follower = replace(self, pairs=self.pairs.with_world(world))
         follower._bent.update(self._bent)
         follower._cubic.extend(self._cubic)
+        follower._priors.update(self._priors)
         return follower
 
     @property
@@ -130,6 +142,31 @@ class RadialReference(RadialAdjustment):
             about = _CENTRE_SPREAD * float(lens.values[:2].mean())
             self._bent[spread] = replace(lens, anchor=lens.values[2:4], anchor_px=about), poses
         return self._bent[spread]
+
+    def ray_prior(self, spread: float) -> RayPrior:
+        """The prior of weight 1 that ties P to the bent lens, and P3Φ to its nearest cubic's.
+
+        Not to that of the cubic nearest to the radial lens: where a mirror is not centred on its
+        camera that lens is off by pixels, and its P3Φ by its own size.
+
+        Args:
+            spread: the expected asymmetry, see :class:`BentFit`.
+
+        """
+        if spread not in self._priors:
+            (lens, poses), near = self.bent(spread), self.cubic
+            seen = lens.project(poses.apply(self.pairs.image, self.pairs.world))
+            errors = (seen - self.pairs.pixel)[self.pairs.error_known]
+            sigma = max(noise_px(errors[np.isfinite(errors).all(axis=1)]), 1e-3)
+            # So that 16 independent relative changes of P3Φ by its spread count as one noise each.
+            firm = float(sigma / _DENOMINATOR_SPREAD * np.sqrt(16 / len(near.rays)))
+            if spread:
+                valid_deg = float(np.rad2deg(cone_angle(self.camera, self.covered, MARGIN_DEG)))
+                near = nearest_bent_cubic(near, lens.project(near.rays), firm, valid_deg)
+            self._priors[spread] = RayPrior(
+                near=near, lens=lens, weight=1.0, denominator_weight=firm
+            )
+        return self._priors[spread]
 
     @property
     def covered(self) -> float:

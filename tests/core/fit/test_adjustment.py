@@ -67,6 +67,7 @@ def test_a_bend_is_the_same_from_near_by(pairs):
     np.testing.assert_allclose(near, anew, atol=2e-3)
     followed = again.followed(reference.pairs.world * 1.0)
     assert followed.bent(1e-3)[0] is again.bent(1e-3)[0]
+    assert again.followed(reference.pairs.world).ray_prior(1e-3).lens is again.bent(1e-3)[0]
 
 
 def dense(normal, damping=0.0):

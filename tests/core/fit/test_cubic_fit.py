@@ -131,7 +131,7 @@ def test_the_prior_is_of_the_reference_that_the_fit_has_now():
     other = refit_radial(rough, replace(rough.pairs, pixel=noisy), rough.poses)
     warm, fresh = fit_cubic(other, EXPECTED, start=first), fit_cubic(other, EXPECTED)
     for prior in (warm.lens.ray_prior, fresh.lens.ray_prior):
-        assert prior.near is other.cubic
+        assert prior.near.rays is other.cubic.rays
         assert prior.denominator_weight > 2 * first.lens.ray_prior.denominator_weight
     # Each with its own loss at the end, which follows the noise.
     warm, fresh = (fit_cubic(other, EXPECTED, start=one) for one in (warm, fresh))

@@ -107,11 +107,11 @@ def test_all_priors_at_once_are_as_one_by_one(reference, held):
     leave_one_out = LeaveOneOut(result, FOLDS)
     weights = np.array([10.0, 1.0, 0.01])
     for spread in (0.0, 1e-3, 1e-2):
-        bent, _ = reference.bent(spread)
-        priors = result.lens.with_prior_of(bent).priors(weights)
+        ray_prior = reference.ray_prior(spread)
+        priors = replace(result.lens, ray_prior=ray_prior).priors(weights)
         together = dict(leave_one_out.residuals(priors))
         for place, weight in enumerate(weights):
-            lens = result.lens.with_prior_of(bent, weight)
+            lens = replace(result.lens, ray_prior=replace(ray_prior, weight=weight))
             own = lens.prior()
             if weight == PRIOR.weight:
                 np.testing.assert_allclose(priors[place], own, atol=1e-6 * np.abs(own).max())
@@ -153,7 +153,7 @@ def test_a_lens_that_no_bent_one_is_near_to_is_told_by_one_that_sees_all(referen
 def test_another_prior_steps_as_the_equations_with_it_do(reference):
     result = fit_cubic(reference, PRIOR, relative_decrease=1e-4)
     normal = result.normal
-    other = result.lens.with_prior_of(reference.bent(1e-2)[0], 0.1)
+    other = replace(result.lens, ray_prior=replace(reference.ray_prior(1e-2), weight=0.1))
     change = other.prior() - result.lens.prior()
     changed = replace(
         normal,
