@@ -37,7 +37,7 @@ _IMMATERIAL = 1e-8
 _FIRM = 1.0
 COLD_DAMPING = 1e-4
 """First damping for a start that may be far from the optimum."""
-WARM_DAMPING = 1e-10
+WARM_DAMPING = 1e-13
 """First damping for a start at the optimum of nearly the same pairs."""
 
 # Derivatives of so many pairs by so many unknowns fit into a core's cache; larger arrays wait for
@@ -258,7 +258,7 @@ def adjust(
         if new.cost < now.cost:
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
             now = new
-            damping = max(damping / 10, 1e-12)
+            damping = max(damping / 10, 1e-14)
             pose_damping *= 0.1
             if decrease < least:
                 break

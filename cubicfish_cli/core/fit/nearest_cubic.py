@@ -6,6 +6,8 @@ biases the plain solution. Dividing by the previous round's denominator (Sanatha
 removes that.
 """
 
+from collections.abc import Iterator
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -122,10 +124,21 @@ def linear_cubic(
         coefficients=linear_ratios(
             values, (pixel - centre) / scale, denominator_pull=denominator_pull, weights=weights
         ),
-        denominator_basis=np.linalg.svd(values.mean(axis=0)[None])[2][1:].T,
+        denominator_basis=_denominator_basis(values),
         centre=centre,
         scale=scale,
     )
+
+
+def _denominator_basis(values: FloatArray) -> FloatArray:
+    """(16, 15) the directions of P3's coefficients that leave its mean over rays (M, 16) alone."""
+    return np.asarray(np.linalg.svd(values.mean(axis=0)[None])[2][1:].T)
+
+
+def _on_other_rays(lens: CubicFit, rays: FloatArray) -> CubicFit:
+    """The same P, its scale fixed by other rays (M, 3)."""
+    moved = replace(lens, denominator_basis=_denominator_basis(lift(rays) @ sphere_basis()))
+    return moved.with_pixels_of(lens, rays)
 
 
 def cone_angle(camera: RadialCamera, covered: float, margin_deg: float) -> float:
@@ -144,7 +157,11 @@ def cone_angle(camera: RadialCamera, covered: float, margin_deg: float) -> float
     )
 
 
-def nearest_cubic(camera: RadialCamera, covered_angles: tuple[float, float]) -> NearestCubic:
+def nearest_cubic(
+    camera: RadialCamera,
+    covered_angles: tuple[float, float],
+    known: NearestCubic | None = None,
+) -> NearestCubic:
     """Find the cubic nearest to a radial lens.
 
     The least squares of its pixels, all numbers of P free: the linear solution (Eq. 8–9), whose
@@ -153,6 +170,7 @@ def nearest_cubic(camera: RadialCamera, covered_angles: tuple[float, float]) -> 
     Args:
         camera: the radial lens.
         covered_angles: angles from the axis of the nearest and of the farthest corner, radians.
+        known: the cubic nearest to a lens that is nearly this one, to start from.
 
     """
     first, last = covered_angles
@@ -160,14 +178,23 @@ def nearest_cubic(camera: RadialCamera, covered_angles: tuple[float, float]) -> 
     within = (rays[:, 2] >= np.cos(last)) & (rays[:, 2] <= np.cos(first))
     pixel = camera.project(rays)
     valid_deg = float(np.rad2deg(cone_angle(camera, last, MARGIN_DEG)))
-    for share, pull in product(_SHARES_BEYOND, (DENOMINATOR_PULL, *SAFER_PULLS)):
-        weights = np.where(within, 1.0, share)
-        start = linear_cubic(rays, pixel, camera, denominator_pull=pull, weights=weights)
-        lens = refined_cubic(start, rays, pixel, weights=weights)
+
+    def starts() -> Iterator[tuple[float, CubicFit]]:
+        if known is not None and known.share:
+            yield known.share, _on_other_rays(known.lens, rays)
+        for share, pull in product(_SHARES_BEYOND, (DENOMINATOR_PULL, *SAFER_PULLS)):
+            weights = np.where(within, 1.0, share)
+            yield (
+                share,
+                linear_cubic(rays, pixel, camera, denominator_pull=pull, weights=weights),
+            )
+
+    for share, start in starts():
+        lens = refined_cubic(start, rays, pixel, weights=np.where(within, 1.0, share))
         miss = lens.far(rays) - pixel
         # The rays reach beyond the valid cone, and no pole may be there either.
         if np.isfinite(miss).all() and pole_or_fold_deg(lens.P, valid_deg) is None:
-            return NearestCubic(rays=rays, within=within, lens=lens, miss=miss)
+            return NearestCubic(rays=rays, within=within, lens=lens, miss=miss, share=share)
     # Every start has a pole: take the safest, whose P3Φ is nearly constant; no miss is known.
     return NearestCubic(rays=rays, within=within, lens=start, miss=np.zeros_like(pixel))
 

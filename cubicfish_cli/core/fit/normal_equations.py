@@ -134,12 +134,12 @@ class NormalEquations:
 
         A photo sees each corner once, so among the pairs of one camera no place comes twice.
         """
-        rows, own = terms.rows, np.append(terms.columns, len(self.shared))
-        flat = rows[:, :, : _POSE + len(own)].reshape(2 * len(rows), -1)
+        rows, columns = terms.rows, np.append(terms.columns, len(self.shared))
+        flat = rows[:, :, : _POSE + len(columns)].reshape(2 * len(rows), -1)
         right = flat[:, _POSE:]
-        self.shared[np.ix_(terms.columns, own)] += (right.T @ right)[:-1]
-        if len(own) > len(self.shared):  # all, in a row
-            own = slice(None)
+        self.shared[np.ix_(terms.columns, columns)] += (right.T @ right)[:-1]
+        # All of them in a row need no index, which costs.
+        own = slice(None) if len(columns) > len(self.shared) else columns
         # Pairs of one photo stand together: dense products are faster than sparse sums.
         cuts = [0, *(np.flatnonzero(np.diff(terms.pose)) + 1).tolist(), len(rows)]
         for first, stop in pairwise(cuts):
