@@ -43,6 +43,8 @@ SAFER_PULLS = (1e-2, 1.0, 100.0)
 _SHARES_BEYOND = (1e-3, 1e-2, 1e-1, 1.0)
 _MOST = 100  # evaluations
 _FREE = 47  # numbers of P, its scale fixed
+# Far below the noise of any corner.
+_CLOSE_PX = 0.01
 # Error of a ray that the lens of a step does not see, pixels.
 _UNSEEN_PX = 1e3
 
@@ -130,6 +132,14 @@ def linear_cubic(
     )
 
 
+def _is_close(known: NearestCubic) -> bool:
+    """Whether a cubic meets its lens so well that every start ends at it.
+
+    Where none does, as for a mirror, there are several that are about as near.
+    """
+    return bool(known.share and np.abs(known.miss[known.within]).max(initial=0.0) < _CLOSE_PX)
+
+
 def _denominator_basis(values: FloatArray) -> FloatArray:
     """(16, 15) the directions of P3's coefficients that leave its mean over rays (M, 16) alone."""
     return np.asarray(np.linalg.svd(values.mean(axis=0)[None])[2][1:].T)
@@ -180,7 +190,7 @@ def nearest_cubic(
     valid_deg = float(np.rad2deg(cone_angle(camera, last, MARGIN_DEG)))
 
     def starts() -> Iterator[tuple[float, CubicFit]]:
-        if known is not None and known.share:
+        if known is not None and _is_close(known):
             yield known.share, _on_other_rays(known.lens, rays)
         for share, pull in product(_SHARES_BEYOND, (DENOMINATOR_PULL, *SAFER_PULLS)):
             weights = np.where(within, 1.0, share)
