@@ -26,7 +26,7 @@ import numpy as np
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, adjust
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.cubic_fit import starts, with_prior
-from cubicfish_cli.core.fit.statistics import huber_px
+from cubicfish_cli.core.fit.statistics import huber_px, rms_px
 from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.target import load_target
 
@@ -80,10 +80,11 @@ def main() -> int:
         found = np.array(costs(fit))
         share = found / found.min() - 1
         worst = max(worst, float(share.max()))
-        held_out, prior = result.held_out, result.prior
+        held_out, prior, cubic = result.held_out, result.prior, fit.reference.cubic
+        nearest = rms_px(cubic.miss[cubic.within])
         print(
             f"{drawing.parent.name + '/' + corners.stem:<22.22}{held_out.rms_px:>8.4f}"
-            f"{held_out.companion_rms_px:>8.4f}{fit.reference.cubic.rms_px:>9.4f}"
+            f"{held_out.companion_rms_px:>8.4f}{nearest:>9.4f}"
             f"  {prior.spread:g}, {prior.weight:.3g}{', central' if prior.central else ''}: "
             + " ".join(f"{one:.1e}" for one in share),
             flush=True,

@@ -37,7 +37,7 @@ _IMMATERIAL = 1e-8
 _FIRM = 1.0
 COLD_DAMPING = 1e-4
 """First damping for a start that may be far from the optimum."""
-WARM_DAMPING = 1e-10
+WARM_DAMPING = 1e-13
 """First damping for a start at the optimum of nearly the same pairs."""
 
 # Derivatives of so many pairs by so many unknowns fit into a core's cache; larger arrays wait for
@@ -120,25 +120,23 @@ def _linearise_run(
     points = (rotated + views.translation.T[:, image]).T
     pixel, d_point, d_lens = body.lens_of(int(image[0])).pixel_and_slopes(points)
     by_point = d_point.transpose(1, 2, 0)
-    d_corner = np.zeros((len(image), 2, 3))
+    d_corner, d_shape = None, []
     if world.free:
         d_corner = np.einsum("ain,ijn->ajn", by_point, rotation).transpose(2, 0, 1)
+        d_shape = [world.chain(d_corner, run)]
     d_view = np.concatenate([cross(rotated, by_point).transpose(2, 0, 1), d_point], axis=2)
     d_body, own, d_pose = body.by_body(image, state.poses, d_lens, d_view)
     residual = pixel - pairs.pixel[run]
     length = np.hypot(residual[:, 0], residual[:, 1])
     root = np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))
-    d_shared = np.concatenate([d_body, world.chain(d_corner, run)], axis=2)
-    weight = root[:, None, None]
-    return Linearised(
-        residual=residual,
-        root=root,
-        miss=residual * root[:, None],
-        by_shared=d_shared * weight,
-        columns=np.r_[own, len(body.parameters) : state.size[0]],
-        by_pose=d_pose * weight,
-        by_corner=d_corner * weight,
-        pose=body.shot_of(image),
+    return Linearised.of(
+        residual,
+        root,
+        d_pose,
+        [d_body, *d_shape],
+        d_corner,
+        np.append(own, np.arange(len(body.parameters), state.size[0])),
+        body.shot_of(image),
     )
 
 
@@ -260,7 +258,7 @@ def adjust(
         if new.cost < now.cost:
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
             now = new
-            damping = max(damping / 10, 1e-12)
+            damping = max(damping / 10, 1e-14)
             pose_damping *= 0.1
             if decrease < least:
                 break

@@ -297,7 +297,7 @@ def choose_prior(
     """
     prior = EXPECTED if start is None else start.prior
     if len(groups) < 2:
-        return fit_cubic(reference, prior, start=start, relative_decrease=NEAR_DECREASE)
+        return fit_cubic(reference, prior, start=start, relative_decrease=_SCAN_DECREASE)
     away = np.abs(np.subtract([_find_place(one) for one in _PRIORS], _find_place(prior)))
     steps = away.sum(axis=1)
     farthest = np.inf if everywhere or start is None else 1

@@ -14,14 +14,17 @@ import numpy as np
 
 from cubicfish_cli.core.fit.adjustment import Adjustment, State, linearise
 from cubicfish_cli.core.fit.fit_lens import FitLens
-from cubicfish_cli.core.fit.normal_equations import Eliminated, NormalEquations
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.core.fit.normal_equations import Eliminated, Linearised, NormalEquations
+from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+
+Run = tuple[BoolArray, IntArray, Linearised]
 
 # As a share of the diagonal: unknowns without any remaining photo stay where they are.
 _DAMPING = 1e-9
 # Least square root of a weight, so that residuals can be divided by it.
 _SMALLEST_ROOT = 1e-6
+# So many pairs' derivatives are kept in place of computing them twice: some megabytes.
+_KEPT_PAIRS = 5000
 # Singular values below this share of the largest one are rounding.
 _RANK = 1e-12
 
@@ -39,11 +42,14 @@ class LeaveOneOut:
         """
         self._fit, self._groups = fit, groups
         self._shot = fit.lens.shot_of(fit.pairs.image)
+        self._gradients: dict[int, tuple[FloatArray, FloatArray]] = {}
 
     def steps(self) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
         """Steps (K,), (M, 6) and (Q, 3) to the fit without each group, whose own poses stay."""
-        for group in self._groups:
-            yield self._subtract(group).solve(_DAMPING)
+        for number, group in enumerate(self._groups):
+            own = self._sum_up(group)
+            self._keep_gradient(number, own)
+            yield self._fit.normal.without(group, own).solve(_DAMPING)
 
     def residuals(self, priors: FloatArray | None = None) -> Iterator[tuple[int, FloatArray]]:
         """Residuals of every photo under the fit without its group, its own pose fitted anew.
@@ -61,8 +67,10 @@ class LeaveOneOut:
         own = self._fit.lens.prior()
         change = (own[None] if priors is None else priors) - own
         for group in self._groups:
-            normal = self._subtract(group)
-            yield from self._refit(group, *_resolve(normal, normal.eliminated(_DAMPING), change))
+            terms = list(self._linearise(group)) if self._is_small(group) else None
+            normal = self._fit.normal.without(group, self._sum_up(group, terms))
+            steps = _resolve(normal, normal.eliminated(_DAMPING), change)
+            yield from self._refit(group, *steps, terms)
 
     def steps_under(self, lenses: Sequence[FitLens]) -> FloatArray:
         """Steps (H, K) of the shared unknowns under other lenses' priors, no photo left out."""
@@ -74,40 +82,66 @@ class LeaveOneOut:
 
         The empirical influence of a group (Jaeckel's infinitesimal jackknife).
         """
-        still = np.zeros((len(self._fit.poses), 6, 1))
-        steps = np.empty((len(self._groups), len(self._fit.normal.shared)))
-        for step, group in zip(steps, self._groups, strict=True):
-            shared, _, corner = (part[..., None] for part in self._sum_up(group).gradient)
-            step[:] = self._equations_of_all.steps(-shared, still, -corner)[0][:, 0]
-        return steps
+        normal, count = self._fit.normal, len(self._groups)
+        for number, group in enumerate(self._groups):
+            if number not in self._gradients:
+                self._keep_gradient(number, self._sum_up(group))
+        shared = np.zeros((len(normal.shared), count))
+        corner = np.zeros((*normal.corner.shape[:2], count))
+        for number, (of_shared, of_corner) in self._gradients.items():
+            shared[:, number], corner[:, :, number] = -of_shared, -of_corner
+        still = np.zeros((len(normal.pose), 6, count))
+        return self._equations_of_all.steps(shared, still, corner)[0].T
 
-    def _subtract(self, group: IntArray) -> NormalEquations:
-        return self._fit.normal.without(group, self._sum_up(group))
+    def _keep_gradient(self, number: int, own: NormalEquations) -> None:
+        """Keep what a group's pairs add to the gradient of unknowns that others share."""
+        shared, _, corner = own.gradient
+        self._gradients[number] = shared.copy(), corner.copy()
 
     @cached_property
     def _equations_of_all(self) -> Eliminated:
         return self._fit.normal.eliminated(_DAMPING)
 
-    def _select(self, group: IntArray) -> tuple[Observations, State[Any]]:
-        """Select the pairs that are seen from some poses, and all unknowns that these depend on."""
-        own, fit = np.flatnonzero(np.isin(self._shot, group)), self._fit
-        return fit.pairs.select(own), State(fit.lens, fit.poses, fit.world.select(own))
+    def _is_small(self, group: IntArray) -> bool:
+        """Whether the derivatives of the pairs that are seen from some poses may be kept."""
+        return int(np.isin(self._shot, group).sum()) <= _KEPT_PAIRS
 
-    def _sum_up(self, group: IntArray) -> NormalEquations:
+    def _linearise(self, group: IntArray) -> Iterator[Run]:
+        """Linearise the pairs that are seen from some poses, run by run.
+
+        Yields:
+            (n,) whether each pair of a run tells its error; (n,) the free corner of each, where any
+            are free; and the derivatives.
+
+        """
+        own, fit = np.flatnonzero(np.isin(self._shot, group)), self._fit
+        pairs, state = fit.pairs.select(own), State(fit.lens, fit.poses, fit.world.select(own))
+        for run, terms in linearise(state, pairs, fit.huber_px):
+            yield pairs.error_known[run], state.world.corner[run], terms
+
+    def _sum_up(self, group: IntArray, known: Sequence[Run] | None = None) -> NormalEquations:
         """Sum up the contribution of the pairs that are seen from some poses to the equations.
 
         Only these poses are among its unknowns, in ascending order.
+
+        Args:
+            group: the poses.
+            known: these pairs linearised, where they are already.
+
         """
-        pairs, state = self._select(group)
-        shared, _, corners = state.size
-        normal, own = NormalEquations.zeros(shared, len(group), corners), np.sort(group)
-        for run, terms in linearise(state, pairs, self._fit.huber_px):
-            among = replace(terms, pose=np.searchsorted(own, terms.pose))
-            normal.add(among, state.world.corner[run])
+        size = self._fit.normal
+        normal = NormalEquations.zeros(len(size.shared), len(group), len(size.corner))
+        own = np.sort(group)
+        for _, corner, terms in self._linearise(group) if known is None else known:
+            normal.add(replace(terms, pose=np.searchsorted(own, terms.pose)), corner)
         return normal
 
     def _refit(
-        self, group: IntArray, shared: FloatArray, offset: FloatArray
+        self,
+        group: IntArray,
+        shared: FloatArray,
+        offset: FloatArray,
+        known: Sequence[Run] | None,
     ) -> Iterator[tuple[int, FloatArray]]:
         """Yield the residuals (n, 2, H) of what is seen from each pose, which is fitted anew.
 
@@ -115,18 +149,22 @@ class LeaveOneOut:
             group: the poses.
             shared: (K, H) steps of the shared unknowns.
             offset: (Q, 3, H) steps of the free corners.
+            known: as in :meth:`_sum_up`.
 
         """
-        pairs, state = self._select(group)
-        count = len(pairs.image)
-        left, by_pose = np.empty((count, 2, shared.shape[1])), np.empty((count, 2, 6))
-        root, place = np.empty(count), np.empty(count, np.intp)
-        for run, terms in linearise(state, pairs, self._fit.huber_px):
-            left[run] = terms.miss[:, :, None] + terms.by_shared @ shared[terms.columns]
+        lefts, by_poses, roots, places, tells = [], [], [], [], []
+        for told, corner, terms in self._linearise(group) if known is None else known:
+            left = terms.miss[:, :, None] + terms.by_shared @ shared[terms.columns]
             if len(offset):
-                left[run] += terms.by_corner @ offset[state.world.corner[run]]
-            by_pose[run], place[run] = terms.by_pose, terms.pose
-            root[run] = np.maximum(terms.root, _SMALLEST_ROOT)
+                left += terms.by_corner @ offset[corner]
+            lefts.append(left)
+            by_poses.append(terms.by_pose.copy())
+            roots.append(np.maximum(terms.root, _SMALLEST_ROOT))
+            places.append(terms.pose)
+            tells.append(told)
+        left, by_pose, root, place, known_error = map(
+            np.concatenate, (lefts, by_poses, roots, places, tells)
+        )
         for pose in group.tolist():
             own = np.flatnonzero(place == pose)
             flat = left[own].reshape(2 * len(own), -1)
@@ -134,7 +172,7 @@ class LeaveOneOut:
             basis = basis[:, size > _RANK * size[:1]]
             flat = flat - basis @ (basis.T @ flat)
             after = np.asarray(flat.reshape(left[own].shape) / root[own, None, None])
-            after[~pairs.error_known[own]] = np.nan
+            after[~known_error[own]] = np.nan
             yield pose, after
 
 

@@ -33,6 +33,8 @@ class NearestCubic:
         within: (M,) which of them are as far from the axis as corners are.
         lens: the cubic, without a prior.
         miss: (M, 2) its pixels less the radial lens's at the rays.
+        share: weight of the rays beyond corners by which it was found; 0 where none gave a cubic
+            without a pole.
 
     """
 
@@ -40,11 +42,22 @@ class NearestCubic:
     within: BoolArray
     lens: CubicFit
     miss: FloatArray
+    share: float = 0.0
 
     @property
     def weights(self) -> FloatArray:
         """(M,) weights of rays in a linear solution: beyond corners the lens is a guess."""
         return np.where(self.within, 1.0, WEIGHT_BEYOND)
+
+    @cached_property
+    def parts(self) -> tuple[slice, slice, slice]:
+        """The rays as far from the axis as corners are, those before, and those after them.
+
+        Rays go outwards, so that each part is a row of them.
+        """
+        own = np.flatnonzero(self.within)
+        first, stop = (int(own[0]), int(own[-1]) + 1) if own.size else (0, 0)
+        return slice(first, stop), slice(0, first), slice(stop, None)
 
     @cached_property
     def values(self) -> FloatArray:
@@ -250,11 +263,14 @@ class CubicFit(FitLens):
             return np.full_like(grams, np.inf)
         bent, (seen, by_lens) = prior.nearest(pixel)
         # Derivatives by P's parameters, those by the lens's, and the miss.
-        by_own = self._differentiate(near.values, inside, denominator)
-        miss = (pixel - near.miss - seen)[:, :, None]
-        rows = np.concatenate([by_own, -by_lens, miss], axis=2)
-        parts = (rows[which].reshape(-1, rows.shape[2]) for which in (near.within, ~near.within))
-        among, beyond = (part.T @ part for part in parts)
+        rows = np.empty((len(inside), 2, 47 + by_lens.shape[2] + 1))
+        rows[:, :, :47] = self._differentiate(near.values, inside, denominator)
+        np.negative(by_lens, out=rows[:, :, 47:-1])
+        rows[:, :, -1] = pixel - near.miss - seen
+        among, before, after = (
+            part.T @ part for part in (rows[own].reshape(-1, rows.shape[2]) for own in near.parts)
+        )
+        beyond = before + after
         squares = np.square([weights, np.minimum(weights, WEIGHT_BEYOND)])[:, :, None, None]
         whole = squares[0] * among + squares[1] * beyond
         whole[:, 47:, 47:] += bent.prior()

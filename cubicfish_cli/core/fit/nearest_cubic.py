@@ -6,6 +6,7 @@ biases the plain solution. Dividing by the previous round's denominator (Sanatha
 removes that.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
 
@@ -48,6 +49,8 @@ _BENT_ROUNDS, _WORTH_ANOTHER = 8, 0.5
 # As a share of the diagonal: what is lost in rounding stays.
 _ROUNDING = 1e-9
 _FREE = 47  # numbers of P, its scale fixed
+# Far below the noise of any corner.
+_CLOSE_PX = 0.01
 # Error of a ray that the lens of a step does not see, pixels.
 _UNSEEN_PX = 1e3
 
@@ -129,10 +132,29 @@ def linear_cubic(
         coefficients=linear_ratios(
             values, (pixel - centre) / scale, denominator_pull=denominator_pull, weights=weights
         ),
-        denominator_basis=np.linalg.svd(values.mean(axis=0)[None])[2][1:].T,
+        denominator_basis=_denominator_basis(values),
         centre=centre,
         scale=scale,
     )
+
+
+def _is_close(known: NearestCubic) -> bool:
+    """Whether a cubic meets its lens so well that every start ends at it.
+
+    Where none does, as for a mirror, there are several that are about as near.
+    """
+    return bool(known.share and np.abs(known.miss[known.within]).max(initial=0.0) < _CLOSE_PX)
+
+
+def _denominator_basis(values: FloatArray) -> FloatArray:
+    """(16, 15) the directions of P3's coefficients that leave its mean over rays (M, 16) alone."""
+    return np.asarray(np.linalg.svd(values.mean(axis=0)[None])[2][1:].T)
+
+
+def _on_other_rays(lens: CubicFit, rays: FloatArray) -> CubicFit:
+    """The same P, its scale fixed by other rays (M, 3)."""
+    moved = replace(lens, denominator_basis=_denominator_basis(lift(rays) @ sphere_basis()))
+    return moved.with_pixels_of(lens, rays)
 
 
 def cone_angle(camera: RadialCamera, covered: float, margin_deg: float) -> float:
@@ -151,7 +173,11 @@ def cone_angle(camera: RadialCamera, covered: float, margin_deg: float) -> float
     )
 
 
-def nearest_cubic(camera: RadialCamera, covered_angles: tuple[float, float]) -> NearestCubic:
+def nearest_cubic(
+    camera: RadialCamera,
+    covered_angles: tuple[float, float],
+    known: NearestCubic | None = None,
+) -> NearestCubic:
     """Find the cubic nearest to a radial lens.
 
     The least squares of its pixels, all numbers of P free: the linear solution (Eq. 8–9), whose
@@ -160,6 +186,7 @@ def nearest_cubic(camera: RadialCamera, covered_angles: tuple[float, float]) -> 
     Args:
         camera: the radial lens.
         covered_angles: angles from the axis of the nearest and of the farthest corner, radians.
+        known: the cubic nearest to a lens that is nearly this one, to start from.
 
     """
     first, last = covered_angles
@@ -167,14 +194,23 @@ def nearest_cubic(camera: RadialCamera, covered_angles: tuple[float, float]) -> 
     within = (rays[:, 2] >= np.cos(last)) & (rays[:, 2] <= np.cos(first))
     pixel = camera.project(rays)
     valid_deg = float(np.rad2deg(cone_angle(camera, last, MARGIN_DEG)))
-    for share, pull in product(_SHARES_BEYOND, (DENOMINATOR_PULL, *SAFER_PULLS)):
-        weights = np.where(within, 1.0, share)
-        start = linear_cubic(rays, pixel, camera, denominator_pull=pull, weights=weights)
-        lens = refined_cubic(start, rays, pixel, weights=weights)
+
+    def starts() -> Iterator[tuple[float, CubicFit]]:
+        if known is not None and _is_close(known):
+            yield known.share, _on_other_rays(known.lens, rays)
+        for share, pull in product(_SHARES_BEYOND, (DENOMINATOR_PULL, *SAFER_PULLS)):
+            weights = np.where(within, 1.0, share)
+            yield (
+                share,
+                linear_cubic(rays, pixel, camera, denominator_pull=pull, weights=weights),
+            )
+
+    for share, start in starts():
+        lens = refined_cubic(start, rays, pixel, weights=np.where(within, 1.0, share))
         miss = lens.far(rays) - pixel
         # The rays reach beyond the valid cone, and no pole may be there either.
         if np.isfinite(miss).all() and pole_or_fold_deg(lens.P, valid_deg) is None:
-            return NearestCubic(rays=rays, within=within, lens=lens, miss=miss)
+            return NearestCubic(rays=rays, within=within, lens=lens, miss=miss, share=share)
     # Every start has a pole: take the safest, whose P3Φ is nearly constant; no miss is known.
     return NearestCubic(rays=rays, within=within, lens=start, miss=np.zeros_like(pixel))
 

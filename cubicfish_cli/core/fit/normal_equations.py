@@ -7,8 +7,9 @@ by the Schur complement, so the work grows linearly with the photos.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,8 @@ from cubicfish_cli.core.types import FloatArray, IntArray
 if TYPE_CHECKING:
     from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 
+# Numbers of a pose and of a corner's place.
+_POSE, _CORNER = 6, 3
 # Shares of the diagonal: the damping that stands for none, and the least pivot.
 _UNDAMPED, _LEAST_PIVOT = 1e-14, 1e-12
 # Numbers at once of the coupling of eliminated blocks to the rest, which is a large array.
@@ -33,23 +36,61 @@ class Linearised:
     Attributes:
         residual: (n, 2) pixels.
         root: (n,) root of each pair's weight, which falls where the loss is linear.
-        miss: (n, 2) the residuals.
-        by_shared: (n, 2, k) by the shared unknowns on which these pairs depend.
-        columns: (k,) the indices of these among all shared unknowns.
-        by_pose: (n, 2, 6) by the turn and the shift of the pair's pose.
-        by_corner: (n, 2, 3) by the pair's world point; 0 where the target is not free.
+        rows: (n, 2, 6 + k + 4) ``by_pose``, ``by_shared``, ``miss`` and ``by_corner``, side by
+            side: products of all of them are formed at once.
+        columns: (k,) the indices of the shared unknowns on which these pairs depend, among all.
         pose: (n,) index of the pose of each pair.
 
     """
 
     residual: FloatArray
     root: FloatArray
-    miss: FloatArray
-    by_shared: FloatArray
+    rows: FloatArray
     columns: IntArray
-    by_pose: FloatArray
-    by_corner: FloatArray
     pose: IntArray
+
+    @property
+    def by_pose(self) -> FloatArray:
+        """(n, 2, 6) by the turn and the shift of the pair's pose."""
+        return self.rows[:, :, :_POSE]
+
+    @property
+    def by_shared(self) -> FloatArray:
+        """(n, 2, k) by the shared unknowns of ``columns``."""
+        return self.rows[:, :, _POSE : -1 - _CORNER]
+
+    @property
+    def miss(self) -> FloatArray:
+        """(n, 2) the residuals."""
+        return self.rows[:, :, -1 - _CORNER]
+
+    @property
+    def by_corner(self) -> FloatArray:
+        """(n, 2, 3) by the pair's world point; 0 where the target is not free."""
+        return self.rows[:, :, -_CORNER:]
+
+    @classmethod
+    def of(
+        cls,
+        residual: FloatArray,
+        root: FloatArray,
+        by_pose: FloatArray,
+        by_shared: Sequence[FloatArray],
+        by_corner: FloatArray | None,
+        columns: IntArray,
+        pose: IntArray,
+    ) -> Linearised:
+        """Put together what is not yet times ``root``; the parts of ``by_shared`` are (n, 2, .)."""
+        rows = np.empty((len(root), 2, _POSE + len(columns) + 1 + _CORNER))
+        weight, first = root[:, None, None], 0
+        if by_corner is None:
+            rows[:, :, -_CORNER:] = 0
+        parts = [by_pose, *by_shared, residual[:, :, None]]
+        for part in parts if by_corner is None else [*parts, by_corner]:
+            stop = first + part.shape[2]
+            np.multiply(part, weight, out=rows[:, :, first:stop])
+            first = stop
+        return cls(residual=residual, root=root, rows=rows, columns=columns, pose=pose)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,20 +134,23 @@ class NormalEquations:
 
         A photo sees each corner once, so among the pairs of one camera no place comes twice.
         """
-        right = np.concatenate([terms.by_shared, terms.miss[:, :, None]], axis=2)
-        own = np.append(terms.columns, len(self.shared))
-        flat = right.reshape(-1, len(own))
-        self.shared[np.ix_(terms.columns, own)] += flat[:, :-1].T @ flat
-        seen = slice(terms.pose.min(), terms.pose.max() + 1)
-        rows = np.concatenate([terms.by_pose, right], axis=2)
-        summed = summed_by(terms.pose - seen.start, seen.stop - seen.start, terms.by_pose, rows)
-        self.pose[seen] += summed[:, :, :6]
-        self.pose_shared[seen, :, own] += summed[:, :, 6:]
+        rows, columns = terms.rows, np.append(terms.columns, len(self.shared))
+        flat = rows[:, :, : _POSE + len(columns)].reshape(2 * len(rows), -1)
+        right = flat[:, _POSE:]
+        self.shared[np.ix_(terms.columns, columns)] += (right.T @ right)[:-1]
+        # All of them in a row need no index, which costs.
+        own = slice(None) if len(columns) > len(self.shared) else columns
+        # Pairs of one photo stand together: dense products are faster than sparse sums.
+        cuts = [0, *(np.flatnonzero(np.diff(terms.pose)) + 1).tolist(), len(rows)]
+        for first, stop in pairwise(cuts):
+            photo, pose = flat[2 * first : 2 * stop], terms.pose[first]
+            product = photo[:, :_POSE].T @ photo
+            self.pose[pose] += product[:, :_POSE]
+            self.pose_shared[pose][:, own] += product[:, _POSE:]
         if len(self.corner):
-            rows = np.concatenate([terms.by_corner, right], axis=2)
-            summed = summed_by(corner, len(self.corner), terms.by_corner, rows)
-            self.corner[:] += summed[:, :, :3]
-            self.corner_shared[:, :, own] += summed[:, :, 3:]
+            summed = summed_by(corner, len(self.corner), terms.by_corner, rows[:, :, _POSE:])
+            self.corner[:] += summed[:, :, -_CORNER:]
+            self.corner_shared[:, :, own] += summed[:, :, :-_CORNER]
             both = terms.by_pose.transpose(0, 2, 1) @ terms.by_corner
             self.pose_corner[terms.pose, :, corner] += both
 
@@ -197,8 +241,13 @@ class NormalEquations:
             across=across,
             keeps_poses=keeps_poses,
         )
-        for _, coupling, back in equations.couplings():
-            matrix -= coupling.T @ back
+        root = _find_root(equations.inverse)
+        for some, _, coupling in equations.couplings():
+            if root is None:
+                matrix -= coupling.T @ _times(equations.inverse[some], coupling)
+            else:  # a product of one array with itself costs half
+                half = _times(root[some], coupling)
+                matrix -= half.T @ half
         return equations
 
 
@@ -221,12 +270,11 @@ class Eliminated:
     across: FloatArray
     keeps_poses: bool
 
-    def couplings(self) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
+    def couplings(self) -> Iterator[tuple[slice, slice, FloatArray]]:
         """The coupling of the eliminated blocks to the rest, some blocks after the others.
 
         Yields:
-            The rows of these blocks among all that were eliminated; (r, D) their coupling; and
-            (r, D) their inverses times it.
+            These blocks among all that were eliminated, their rows, and (r, D) their coupling.
 
         """
         blocks, size, count = self.gone_shared.shape
@@ -234,10 +282,9 @@ class Eliminated:
         for first in range(0, blocks, at_once):
             some = slice(first, min(first + at_once, blocks))
             rows = slice(size * some.start, size * some.stop)
-            across, inverse = self.across[rows], self.inverse[some]
+            across = self.across[rows]
             coupling = np.hstack([self.gone_shared[some].reshape(len(across), count), across])
-            back = inverse @ coupling.reshape(*inverse.shape[:2], len(self.matrix))
-            yield rows, coupling, back.reshape(coupling.shape)
+            yield some, rows, coupling
 
     def steps(
         self,
@@ -256,10 +303,12 @@ class Eliminated:
 
         """
         kept, gone = (pose, corner) if self.keeps_poses else (corner, pose)
-        flat = gone.reshape(-1, shared.shape[1])
         right = np.vstack([shared, kept.reshape(-1, shared.shape[1])])
-        for rows, _, back in self.couplings():
-            right -= back.T @ flat[rows]
+        alone = _times(self.inverse, gone.reshape(-1, shared.shape[1]))
+        count, other = len(shared), -alone
+        of_shared = self.gone_shared.reshape(len(other), count)
+        right[:count] -= of_shared.T @ alone
+        right[count:] -= self.across.T @ alone
         if changes is None:
             step = -solve_scaled(self.matrix, right)
         else:  # the unchanged part is eliminated once
@@ -272,12 +321,23 @@ class Eliminated:
             whole = self.matrix[own, own] - cross.T @ followed + changes
             first = -solve_scaled(whole, slope)[:, :, 0].T
             step = np.vstack([first, -followed @ first - left])
-        other = -(self.inverse @ gone).reshape(flat.shape)
-        for rows, _, back in self.couplings():
-            other[rows] -= back @ step
-        count = len(shared)
+        moved = of_shared @ step[:count] + self.across @ step[count:]
+        other -= _times(self.inverse, moved)
         kept, gone = step[count:].reshape(kept.shape), other.reshape(gone.shape)
         return step[:count], *((kept, gone) if self.keeps_poses else (gone, kept))
+
+
+def _times(blocks: FloatArray, rows: FloatArray) -> FloatArray:
+    """Blocks (n, b, b), each times its own of rows (nb, C): (nb, C)."""
+    return np.asarray((blocks @ rows.reshape(*blocks.shape[:2], -1)).reshape(rows.shape))
+
+
+def _find_root(inverse: FloatArray) -> FloatArray | None:
+    """(n, b, b) roots R of matrices RᵀR; None where rounding left one that has none."""
+    try:
+        return np.swapaxes(np.linalg.cholesky(inverse), 1, 2)
+    except np.linalg.LinAlgError:
+        return None
 
 
 def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:

@@ -65,7 +65,7 @@ _NEAR_DECREASE = 1e-8
 # For fits that another fit follows at once.
 _ROUGH_DECREASE = 1e-5
 # For a lens that is only the prior's, and starts the search for the nearest one.
-_BENT_DECREASE = 1e-6
+_BENT_DECREASE = 1e-4
 # A turn of the camera with decentring and tilt does what a shift of the principal point does, to
 # well below any noise. So that the frame is not left to chance, the prior's lens stays within about
 # this share of the focal length of the principal point that the corners gave.
@@ -92,6 +92,7 @@ class RadialReference(RadialAdjustment):
     _bent: dict[float, tuple[BentFit, Poses]] = field(default_factory=dict, init=False, repr=False)
     _cubic: list[NearestCubic] = field(default_factory=list, init=False, repr=False)
     _priors: dict[float, RayPrior] = field(default_factory=dict, init=False, repr=False)
+    _known_cubic: NearestCubic | None = None
 
     @property
     def camera(self) -> RadialCamera:
@@ -115,7 +116,7 @@ class RadialReference(RadialAdjustment):
     def cubic(self) -> NearestCubic:
         """The cubic that comes nearest to the lens."""
         if not self._cubic:
-            self._cubic.append(nearest_cubic(self.camera, self.covered_angles))
+            self._cubic.append(nearest_cubic(self.camera, self.covered_angles, self._known_cubic))
         return self._cubic[0]
 
     def bent(self, spread: float) -> tuple[BentFit, Poses]:
@@ -250,7 +251,9 @@ def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) 
 
     This serves for pairs without the outliers, and for the training part of a fold.
     """
-    return _refit(reference.lens, poses, pairs, reference.errors, reference.unfit)
+    fit = _refit(reference.lens, poses, pairs, reference.errors, reference.unfit)
+    known = reference._cubic[0] if reference._cubic else reference._known_cubic
+    return replace(fit, _known_cubic=known)
 
 
 def _refit(

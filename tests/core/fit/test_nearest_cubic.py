@@ -58,3 +58,17 @@ def test_the_same_lens_has_the_same_cubic_every_time():
         kept += [np.empty(size) for size in rng.integers(1, 3000, 20)]
         found.add(nearest_cubic(camera, (0.0, np.radians(half_deg))).lens.coefficients.tobytes())
     assert len(found) == 1
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_from_a_known_cubic_it_is_as_near(name):
+    camera, half_deg, _ = CAMERAS[name]
+    other = replace(camera, fx=1.002 * camera.fx, cx=camera.cx + 1.0, cy=camera.cy - 0.5)
+    known = nearest_cubic(other, (0.0, np.radians(half_deg + 0.5)))
+    angles = (0.0, np.radians(half_deg))
+    fresh, warm = nearest_cubic(camera, angles), nearest_cubic(camera, angles, known)
+    assert rms_px(warm.miss[warm.within]) < rms_px(fresh.miss[fresh.within]) + 1e-4
+    np.testing.assert_allclose(
+        warm.lens.far(warm.rays[warm.within]), fresh.lens.far(fresh.rays[fresh.within]), atol=1e-3
+    )
+    assert pole_or_fold_deg(warm.lens.P, half_deg + 5) is None
