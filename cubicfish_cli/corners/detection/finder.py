@@ -2,6 +2,7 @@
 
 import copy
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +36,7 @@ from cubicfish_cli.corners.detection.refine import (
     refine_pixels,
     whole_corners,
 )
+from cubicfish_cli.corners.detection.seeds import SURE_CORNERS, find_promising
 
 # A photo of more pixels is searched at half its size, or a quarter...
 MOST_PIXELS = 16_000_000
@@ -86,20 +88,23 @@ def _search(pyramid: Pyramid) -> tuple[list[Lattice], FloatArray]:
     candidates = cKDTree(corners.pixel)
     lattices: list[Lattice] = []
     failures = 0
-    for patch in find_patches(pyramid, corners):
-        if len(patch.corner) < 4 or (grid[patch.corner] >= 0).any():
-            continue
-        lattice = _grow_patch(pyramid, corners, patch, candidates)
-        if lattice is None:
-            failures += 1
-            if failures == _MOST_FAILURES:
-                break
-            continue
-        cells = lattice.cells()
-        taken = _find_taken(corners.pixel, lattice.at(cells), lattice.fit(cells).side)
-        grid[taken & (grid < 0)] = len(lattices)
-        candidates = cKDTree(corners.pixel[grid < 0])
-        lattices.append(lattice)
+    patches = find_patches(pyramid, corners)
+    sure = sum(len(patch.corner) >= SURE_CORNERS for patch in patches)
+    for group in (patches[:sure], patches[sure:]):
+        # Where large pieces became grids the small ones need no look.
+        left = [patch for patch in group if (grid[patch.corner] < 0).all()]
+        for patch in compress(left, find_promising(pyramid, corners, left, candidates)):
+            if failures == _MOST_FAILURES or (grid[patch.corner] >= 0).any():
+                continue
+            lattice = _grow_patch(pyramid, corners, patch, candidates)
+            if lattice is None:
+                failures += 1
+                continue
+            cells = lattice.cells()
+            taken = _find_taken(corners.pixel, lattice.at(cells), lattice.fit(cells).side)
+            grid[taken & (grid < 0)] = len(lattices)
+            candidates = cKDTree(corners.pixel[grid < 0])
+            lattices.append(lattice)
     kept = [
         k for k, lattice in enumerate(lattices) if _is_beyond_chance(lattice, corners, grid < 0)
     ]
