@@ -202,7 +202,7 @@ def count_patches(images: list[np.ndarray], board: tuple[int, int]) -> tuple[int
     finally:
         finder.search = search
     boards = sum(len(one.grids) for one in results)
-    return boards + sum(len(one.pieces) for one in results), boards
+    return sum(one.grown for one in results), boards
 
 
 def sectors_whole(image: np.ndarray, board: tuple[int, int]) -> np.ndarray | None:

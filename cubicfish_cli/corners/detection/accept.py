@@ -50,7 +50,7 @@ def is_large_enough(lattice: Lattice) -> bool:
     known = lattice.known
     if known.sum() < LEAST_CORNERS:
         return False
-    pieces = cv2.connectedComponentsWithStats(_find_squares(known).astype(np.uint8))[2]
+    pieces = cv2.connectedComponentsWithStats(find_squares(known).astype(np.uint8))[2]
     return bool(pieces[1:, cv2.CC_STAT_AREA].max(initial=0) >= LEAST_SQUARES)
 
 
@@ -98,7 +98,7 @@ def hang_together(known: BoolArray) -> BoolArray:
         known = known & ~loose
 
 
-def _find_squares(known: BoolArray) -> BoolArray:
+def find_squares(known: BoolArray) -> BoolArray:
     """(I - 1, J - 1) the squares of which all four corners are known."""
     return np.asarray(known[1:, 1:] & known[:-1, 1:] & known[1:, :-1] & known[:-1, :-1])
 

@@ -69,7 +69,7 @@ class Quadrants:
 
 
 def quadrants(
-    pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, sign: IntArray, half_gap: float = 0.0
+    pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, sign: IntArray, half_gap: FloatArray
 ) -> Quadrants:
     """Sample the four squares at (N, 2) pixels.
 
@@ -78,7 +78,7 @@ def quadrants(
         pixel: (N, 2) the corners.
         fit: local fit around each.
         sign: (N,) +1 where quadrant (+, +) is bright.
-        half_gap: how far dark squares draw back from their edges, pixels.
+        half_gap: (N,) how far dark squares draw back from their edges, pixels.
 
     """
     side = np.maximum(fit.side, 1e-6)  # 0 where corners that chance put together lie in a line
@@ -87,8 +87,10 @@ def quadrants(
     return _sample_diagonals(pyramid, pixel, fit, sign, away, _ALONG_DIAGONAL)
 
 
-def measure_half_gap(pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, sign: IntArray) -> float:
-    """How far the dark squares draw back from their edges, pixels: the median over the corners.
+def measure_half_gap(
+    pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, sign: IntArray
+) -> FloatArray:
+    """How far the two dark squares at each corner draw back from their edges: (N, 2) pixels.
 
     Along each diagonal brightness falls through the middle between the levels of the bright
     squares and of the dark ones where the dark square begins: at the corner itself unless white
@@ -97,7 +99,7 @@ def measure_half_gap(pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, sign: I
     square = _sample_diagonals(pyramid, pixel, fit, sign, np.full(len(pixel), 1.0), _PROFILE)
     level = 0.5 * (np.median(square.bright, axis=(1, 2)) + square.dark[..., _DEEP].mean((1, 2)))
     begins = _PROFILE[np.argmax(square.dark < level[:, None, None], axis=2)]
-    return float(np.median((begins - _PROFILE[0]) * fit.side[:, None]))
+    return np.asarray((begins - _PROFILE[0]) * fit.side[:, None], float)
 
 
 def _sample_diagonals(
@@ -124,7 +126,7 @@ def edges_seen(
     sign: IntArray,
     contrast: FloatArray,
     neighbour: FloatArray,
-    half_gap: float = 0.0,
+    half_gap: FloatArray,
 ) -> BoolArray:
     """Which of the four edges to known neighbours can be seen: (N, 4).
 
@@ -135,7 +137,7 @@ def edges_seen(
         sign: (N,) parity.
         contrast: (N,) grey levels.
         neighbour: (N, 4, 2) positions of the neighbours along NEIGHBOUR_STEPS, NaN if unknown.
-        half_gap: how far dark squares draw back from their edges, pixels.
+        half_gap: (N,) how far dark squares draw back from their edges, pixels.
 
     """
     row, arm = np.nonzero(~np.isnan(neighbour[..., 0]))
@@ -158,7 +160,7 @@ def edges_seen(
     ahead = step[:, 0] * direction[0] + step[:, 1] * direction[1]
     area = np.abs(step[0, 0] * step[1, 1] - step[0, 1] * step[1, 0])
     height = area / np.hypot(*ahead)
-    share = np.minimum(np.clip(LEAST_ASIDE / height, ASIDE, 0.4) + half_gap / height, 0.4)
+    share = np.minimum(np.clip(LEAST_ASIDE / height, ASIDE, 0.4) + half_gap[row] / height, 0.4)
     difference = edge_difference(pyramid, points, (share * across)[:, None], length)
     difference *= sign[row] * np.where(arm % 2 == 0, 1, -1) / np.maximum(contrast[row], 1e-6)
     seen[row, arm] = edge_is_seen(difference)
@@ -183,19 +185,20 @@ def grow(pyramid: Pyramid, lattice: Lattice, free: cKDTree, most: int) -> bool:
             return True
         lattice.make_room()
         cells = lattice.frontier()
-        if not len(cells) or not _grow_once(pyramid, lattice, free, cells):
+        if not len(cells) or not grow_once(pyramid, lattice, free, cells):
             return False
     return False
 
 
-def _grow_once(pyramid: Pyramid, lattice: Lattice, free: cKDTree, cells: IntArray) -> bool:
+def grow_once(pyramid: Pyramid, lattice: Lattice, free: cKDTree, cells: IntArray) -> bool:
+    """Add corners in some of (N, 2) empty cells of the lattice, if any; whether there are."""
     fit = lattice.fit(cells)
     usable = fit.sound & pyramid.inside(fit.pixel, 2.0)
     cells, fit = cells[usable], fit.select(usable)
     if not len(cells):
         return False
     pixel, found = snap(pyramid, fit.pixel, fit, free, _SEARCH, fit.side, 0.3 * fit.side)
-    found &= ~_find_crowded(lattice, pixel, fit)
+    found &= ~_find_crowded(lattice, cells, pixel, fit)
     cells, pixel, fit = cells[found], pixel[found], fit.select(found)
     if not len(cells):
         return False
@@ -234,13 +237,13 @@ def snap(
     return pixel, found & pyramid.inside(pixel, 2.0)
 
 
-def _find_crowded(lattice: Lattice, pixel: FloatArray, fit: LocalFit) -> BoolArray:
+def _find_crowded(lattice: Lattice, cells: IntArray, pixel: FloatArray, fit: LocalFit) -> BoolArray:
     """Tell which positions lie on top of a corner that is there already, or of each other."""
-    known = lattice.pixel[lattice.known]
-    limit = 0.4 * fit.side
-    crowded = nearest(pixel, known, 1)[0][:, 0] < limit
+    known = lattice.cells()
+    place, limit = lattice.apart(cells, pixel), 0.4 * fit.side
+    crowded = nearest(place, lattice.apart(known, lattice.at(known)), 1)[0][:, 0] < limit
     if len(pixel) > 1:
-        distance, index = nearest(pixel, pixel, 2)
+        distance, index = nearest(place, place, 2)
         crowded |= (distance[:, 1] < limit) & (np.arange(len(pixel)) > index[:, 1])
         crowded |= (distance[:, 1] < limit) & (index[:, 0] != np.arange(len(pixel)))
     return crowded
@@ -251,7 +254,8 @@ def looks_like_corner(
 ) -> tuple[BoolArray, FloatArray]:
     """Test brightness of the four squares and of the edges to known neighbours."""
     sign = lattice.sign(cells)
-    square = quadrants(pyramid, pixel, fit, sign, lattice.half_gap)
+    half_gap = lattice.gap_at(cells)
+    square = quadrants(pyramid, pixel, fit, sign, half_gap)
     around = cells[:, None] + NEIGHBOUR_STEPS
     neighbour = lattice.pixel[around[..., 0], around[..., 1]]
     expected = np.maximum(lattice.contrast_around(cells), 1e-6)
@@ -260,9 +264,7 @@ def looks_like_corner(
     own = np.maximum(square.contrast, 1e-6)
     good = square.separation > SEPARATION * own
     good &= own > np.maximum(LEAST_CONTRAST * expected, 3.0 * pyramid.noise)
-    seen = edges_seen(
-        pyramid, pixel, fit, sign, np.minimum(own, expected), neighbour, lattice.half_gap
-    )
+    seen = edges_seen(pyramid, pixel, fit, sign, np.minimum(own, expected), neighbour, half_gap)
     good &= 2 * seen.sum(1) >= (~np.isnan(neighbour[..., 0])).sum(1)
     good &= seen.any(1)
     return good, square.contrast
@@ -274,8 +276,8 @@ def measure_contrast(pyramid: Pyramid, lattice: Lattice) -> None:
     fit = lattice.fit(cells)
     pixel = lattice.at(cells)
     sign = lattice.sign(cells)
-    lattice.half_gap = measure_half_gap(pyramid, pixel, fit, sign)
-    contrast = quadrants(pyramid, pixel, fit, sign, lattice.half_gap).contrast
+    lattice.set_gap(cells, measure_half_gap(pyramid, pixel, fit, sign))
+    contrast = quadrants(pyramid, pixel, fit, sign, lattice.gap_at(cells)).contrast
     lattice.put(cells, pixel, np.maximum(contrast, 0))
 
 

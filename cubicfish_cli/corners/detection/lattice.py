@@ -35,7 +35,7 @@ _PRODUCTS = (_TERMS[:, :, None] * _TERMS[:, None, :]).reshape(len(_WINDOW), 36)
 # Second-order terms are damped until enough neighbours determine them.
 _RIDGE = np.diag([1e-9, 1e-6, 1e-6, 0.005, 0.005, 0.005])
 _CENTRE = len(_WINDOW) // 2
-_MARGIN = _HALF_WIDTH + 1
+MARGIN = _HALF_WIDTH + 1
 _MOST_CLEANINGS = 10
 
 
@@ -247,8 +247,8 @@ class Lattice(CornerMap):
         cls, cells: IntArray, pixel: FloatArray, contrast: FloatArray, parity: int
     ) -> Lattice:
         """Build the maps from (N, 2) cells, parity being that of cell (0, 0)."""
-        low = cells.min(0) - _MARGIN
-        shape = cells.max(0) - low + 1 + _MARGIN
+        low = cells.min(0) - MARGIN
+        shape = cells.max(0) - low + 1 + MARGIN
         lattice = cls(
             pixel=np.full((*shape, 2), np.nan),
             contrast=np.zeros(shape),
@@ -256,6 +256,18 @@ class Lattice(CornerMap):
         )
         lattice.put(cells - low, pixel, contrast)
         return lattice
+
+    def gap_at(self, cells: IntArray) -> FloatArray:
+        """Half the gap (N,) at (N, 2) cells, pixels."""
+        return np.full(len(cells), self.half_gap)
+
+    def set_gap(self, cells: IntArray, gap: FloatArray) -> None:
+        """Set half the gap from what corners show of it: (N, 2), for (N, 2) cells, pixels."""
+        self.half_gap = float(np.median(gap)) if len(cells) else 0.0
+
+    def apart(self, cells: IntArray, pixel: FloatArray) -> FloatArray:
+        """Where corners (N, 2) lie that may be in each other's way: (N, 2 or more)."""
+        return pixel
 
     def sign(self, cells: IntArray) -> IntArray:
         """Parity at (N, 2) cells: +1 where the quadrant (+, +) is bright."""
@@ -281,9 +293,9 @@ class Lattice(CornerMap):
             (rows[0], known.shape[0] - 1 - rows[-1]),
             (columns[0], known.shape[1] - 1 - columns[-1]),
         )
-        if min(min(side) for side in sides) >= _MARGIN:
+        if min(min(side) for side in sides) >= MARGIN:
             return
-        pad = [tuple(0 if room >= _MARGIN else 8 for room in side) for side in sides]
+        pad = [tuple(0 if room >= MARGIN else 8 for room in side) for side in sides]
         if (pad[0][0] + pad[1][0]) % 2:
             self.parity = -self.parity
         self.pixel = np.pad(self.pixel, (*pad, (0, 0)), constant_values=np.nan)

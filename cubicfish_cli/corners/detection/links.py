@@ -179,7 +179,7 @@ def _measure_edge(
 
     These are start, end, and the tangents there, as long as the curve's chord, pixels.
     """
-    flat, shape = ends.reshape(4, -1), (-1, *ends.shape[1:])
+    flat, shape = ends.reshape(4, -1), (len(_T), *ends.shape[1:])
     points = (_HERMITE @ flat).reshape(shape).swapaxes(0, 1)
     tangent = (_SLOPE @ flat).reshape(shape)
     x, y = tangent[:, 0], tangent[:, 1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -23,6 +24,7 @@ from cubicfish_cli.corners.detection.links import Patch, find_patches
 from cubicfish_cli.corners.detection.nearby import nearest
 from cubicfish_cli.corners.detection.pyramid import Pyramid
 from cubicfish_cli.corners.detection.refine import measures, refine_pixels, whole_corners
+from cubicfish_cli.corners.detection.seeds import SURE_CORNERS, find_promising
 
 # Texture has squares by the hundred. Boards have the largest pieces, so they come first; after
 # this many pieces that did not grow into a board the search is over.
@@ -60,13 +62,16 @@ class SearchResult:
     Attributes:
         grids: the accepted grids, larger patches first.
         refused: candidate corners that belong to no grid, pixels of that scale.
-        pieces: for each patch that became no grid its corners (K, 2), the same pixels.
+        pieces: for each patch that is part of no grid its corners (K, 2), the same pixels; the
+            larger ones first, and not all where there are very many.
+        grown: how many patches were grown, whether they became grids or not.
 
     """
 
     grids: list[Seen]
     refused: XCorners
     pieces: list[FloatArray]
+    grown: int = 0
 
     def moved(self, shift: FloatArray) -> SearchResult:
         """The same where the photo's first pixel lies at ``shift`` (2,)."""
@@ -79,6 +84,7 @@ class SearchResult:
             ],
             refused=replace(self.refused, pixel=self.refused.pixel + shift),
             pieces=[piece + shift for piece in self.pieces],
+            grown=self.grown,
         )
 
 
@@ -94,28 +100,33 @@ def search(pyramid: Pyramid) -> SearchResult:
     grid = np.full(len(corners.pixel), -1)  # which each corner is part of
     candidates = cKDTree(corners.pixel)
     found: list[Seen] = []
-    failed: list[Patch] = []
-    for patch in find_patches(pyramid, corners):
-        if len(patch.corner) < 4 or (grid[patch.corner] >= 0).any():
-            continue
-        if len(failed) == _MOST_FAILURES:
-            break
-        seen = _grow_patch(pyramid, corners, patch, candidates)
-        if seen is None:
-            failed.append(patch)
-            continue
-        cells = seen.lattice.cells()
-        fit = seen.lattice.fit(cells)
-        taken = _find_taken(corners.pixel, seen.lattice.at(cells), fit.side)
-        grid[taken & (grid < 0)] = len(found)
-        candidates = cKDTree(corners.pixel[grid < 0])
-        found.append(seen)
+    failures = 0
+    patches = find_patches(pyramid, corners)
+    sure = sum(len(patch.corner) >= SURE_CORNERS for patch in patches)
+    for group in (patches[:sure], patches[sure:]):
+        # Where large pieces became grids the small ones need no look.
+        left = [patch for patch in group if (grid[patch.corner] < 0).all()]
+        for patch in compress(left, find_promising(pyramid, corners, left, candidates)):
+            if failures == _MOST_FAILURES or (grid[patch.corner] >= 0).any():
+                continue
+            seen = _grow_patch(pyramid, corners, patch, candidates)
+            if seen is None:
+                failures += 1
+                continue
+            cells = seen.lattice.cells()
+            fit = seen.lattice.fit(cells)
+            taken = _find_taken(corners.pixel, seen.lattice.at(cells), fit.side)
+            grid[taken & (grid < 0)] = len(found)
+            candidates = cKDTree(corners.pixel[grid < 0])
+            found.append(seen)
+    unexplained = [patch for patch in patches if (grid[patch.corner] < 0).all()]
     loose = corners.select(grid < 0)
     kept = [k for k, one in enumerate(found) if is_beyond_chance_among(one.lattice, loose)]
     return SearchResult(
         grids=[found[k] for k in kept],
         refused=corners.select(~np.isin(grid, kept)),
-        pieces=[corners.pixel[patch.corner] for patch in failed],
+        pieces=[corners.pixel[patch.corner] for patch in unexplained[:_MOST_FAILURES]],
+        grown=len(found) + failures,
     )
 
 

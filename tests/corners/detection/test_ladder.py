@@ -12,8 +12,10 @@ from cubicfish_cli.app.photos import Photo
 from cubicfish_cli.core.boards.types import Checkerboard
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection import finder, ladder
+from cubicfish_cli.corners.detection.corners import XCorners
 from cubicfish_cli.corners.detection.finder import find_grids
 from cubicfish_cli.corners.detection.ladder import Box, Ladder, join_boxes
+from cubicfish_cli.corners.detection.links import find_patches
 from cubicfish_cli.corners.detection.pyramid import build_pyramid
 
 COLUMNS, ROWS = 9, 7
@@ -176,3 +178,15 @@ def test_boxes_that_meet_are_joined():
     first, *others = sorted(join_boxes(boxes), key=lambda box: box.left)
     assert (first.left, first.top, first.right, first.bottom) == (5, 5, 24, 16)
     assert [(box.left, box.right) for box in others] == [(145, 156), (194, 200)]
+
+
+def test_corners_that_point_at_none_have_no_links():
+    """As in pictures with some crossings that are far from each other."""
+    pyramid = build_pyramid(np.zeros((60, 60), np.uint8))
+    corners = XCorners(
+        pixel=np.array([(10.0, 10.0), (50.0, 10.0), (10.0, 50.0), (50.0, 50.0)]),
+        angle=np.tile(np.arange(4) * np.pi / 2 + 0.8, (4, 1)),
+        radius=np.full(4, 4.0),
+        contrast=np.full(4, 100.0),
+    )
+    assert find_patches(pyramid, corners) == []
