@@ -26,8 +26,8 @@ from cubicfish_cli.core.files import whole_file
 # One frame of so many is kept; where frames come more slowly than the film says, one of those
 # within so many times the time that they should take.
 _SLOWER = 1.5
-# Compressing a picture takes longer than searching it for boards. Frames that may yet be dropped are
-# not compressed, up to so many bytes: 90 frames of 12 megapixels go to 3 GB, which not every disk has.
+# Compressing a picture takes as long as searching it for boards. Frames that may yet be dropped are
+# not compressed, up to so many bytes: 90 of 12 megapixels have 3 GB, which not every disk has.
 _PLAIN, _MOST_PLAIN = ".bmp", 2**30
 # Compressing a picture well takes as long as decoding twenty.
 _FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
