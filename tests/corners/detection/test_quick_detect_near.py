@@ -113,6 +113,11 @@ def test_a_board_is_found_with_less_work_wherever_it_is(target, work) -> None:
         found = quick_detect_near(photo, target, near[-2:])
         assert sum(work) < 0.6 * photo.size / module._choose_zoom(photo, target) ** 2
         assert_found(found, truth)
+        errors = [
+            np.linalg.norm(pixels(one)[:, None] - truth[0], axis=-1).min(axis=1)
+            for one in (whole, found)
+        ]
+        assert np.median(errors[1]) < 1.3 * np.median(errors[0])
         near.append(found)
 
 
@@ -151,10 +156,23 @@ def test_a_second_board_that_comes_in_is_found() -> None:
     photo, truth = picture(PLAIN, first, second)
     assert_found(quick_detect_near(photo, PLAIN, [before, before]), truth)
     assert_found(quick_detect_near(photo, None, [before, before]), truth)
-    # Expected at the same place as another that is found there, each is found once.
-    both = quick_detect(photo, PLAIN)
-    smaller, truth = picture(PLAIN, (80, 60, 22), second)
-    assert_found(quick_detect_near(smaller, PLAIN, [both, before]), truth)
+
+
+def test_a_board_within_the_place_of_another_is_found_once() -> None:
+    photo, truth = picture(PLAIN, (150, 110, 40))
+    near = [quick_detect(picture(PLAIN, (x, 330, 40))[0], PLAIN) for x in (430, 660)]
+    assert_found(quick_detect_near(photo, PLAIN, near), truth)
+
+
+@pytest.mark.parametrize("target", [PLAIN, MARKED], ids=["plain", "marked"])
+def test_boards_are_expected_between_and_beyond_their_places(target) -> None:
+    side = {False: 17, True: 19}[target.has_markers]
+    for places in ((100, 500, 300), (100, 300, 500)):
+        photos = [picture(target, (x, 400, side)) for x in places]
+        near = [quick_detect(photo, target) for photo, _ in photos[:2]]
+        photo, truth = photos[2]
+        assert len(pixels(quick_detect_near(photo, target, near[:1]))) == 0
+        assert_found(quick_detect_near(photo, target, near), truth, 0.7)
 
 
 def test_modules_are_as_many_as_dictionaries_have() -> None:
