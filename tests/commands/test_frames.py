@@ -142,7 +142,7 @@ def test_of_a_run_that_was_interrupted_nothing_is_left(
     run: Run, short: Path, tmp_path: Path, monkeypatch
 ) -> None:
     def stop(*_: object, **__: object) -> None:
-        assert list((tmp_path / "p" / ".unfinished" / "short").glob("*.png"))
+        assert list((tmp_path / "p" / ".unfinished" / "short").glob("*.*"))
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:

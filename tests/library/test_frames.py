@@ -21,6 +21,7 @@ from cubicfish_cli.core.errors import DetectionError, PhotoError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
+from cubicfish_cli.corners.detection.grids import FoundGrids, Grid
 from cubicfish_cli.extensions.films.command import FramesOptions, choose_frames
 
 
@@ -138,6 +139,58 @@ def test_full_detection_follows_where_the_quick_one_finds_fewer_than_the_verdict
     looking.at_once = 26
     search_by(looking, seen, shows([True] * 26), range(26), [])
     assert len(looking.choice.order) == chosen
+
+
+def asked_of(what: list[bool], asked: list[list[int]]):
+    """A detection as :func:`shows`, that notes what it is asked for, and refuses empty pictures."""
+    way = shows(what)
+
+    def found(numbers) -> Found:
+        asked.append(list(numbers))
+        return way(numbers) if any(what[at] for at in numbers) else shows_nothing(numbers)
+
+    return found
+
+
+@pytest.mark.parametrize("hidden", [0, 20])
+def test_of_pictures_that_seem_empty_some_tell_of_all(monkeypatch, hidden: int) -> None:
+    looking, asked = search(monkeypatch, [True] * 60), []
+    quick = shows([at < 20 for at in range(60)])
+    full = asked_of([at < 20 or 60 - at <= hidden for at in range(60)], asked)
+    search_by(looking, quick, full, range(50), range(50, 60))
+    assert set(asked[0]) < set(range(20, 60))
+    assert 6 <= len(asked[0]) <= 12
+    assert (len(asked) > 1) == (hidden > 0)
+    assert len(looking.choice.order) == 20 + max(0, hidden - (len(asked) == 2) * 10)
+
+
+@pytest.mark.parametrize("is_film", [True, False])
+def test_a_film_without_boards_is_given_up_after_some(monkeypatch, is_film: bool) -> None:
+    looking, asked = search(monkeypatch, [True] * 60), []
+    looking.is_film, looking.at_once = is_film, 24
+    with pytest.raises(DetectionError, match="nothing there"):
+        search_by(looking, shows([False] * 60), asked_of([False] * 60, asked), range(60), [])
+    assert max(map(len, asked)) == (20 if is_film else 60)
+
+
+def test_a_board_that_is_lost_in_a_picture_is_looked_for_beside_it(monkeypatch) -> None:
+    """From picture to picture, whichever of them was searched first."""
+    cells = np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1).reshape(-1, 2)
+    grid = Grid(cells=cells, pixel=9.0 * cells, parity=1, step=9.0, contrast=np.ones(16))
+    clear, dim = {6}, {2, 3, 4, 5, 8}
+
+    def quick(one, *, target):
+        number = int(one.name)
+        shown = number in clear or (number in dim and any(near.grids for near in one.near))
+        grids = (grid,) if shown else ()
+        return FoundGrids(grids=grids, refused=np.zeros((0, 2)), image_size=SIZE)
+
+    monkeypatch.setattr(frame_search, "_quick_detect", quick)
+    looking = search(monkeypatch, [True] * 10)
+    looking.is_film, looking.detect = True, shows([False] * 10)
+    looking.search(range(10), [])
+    # The picture next to the last one shows nothing.
+    assert set(looking.choice.order) == {2, 3, 4, 5, 6}
 
 
 def test_counts_of_corners_that_few_pictures_show_end_the_search(monkeypatch) -> None:

@@ -230,9 +230,12 @@ def choose_shots(
     if not usable and not spoilt:
         return Choice(order=(), gain=())
 
-    def apart(one: int, other: int) -> float:
-        pairs = zip(pictures[one], pictures[other], sizes, strict=True)
-        return max(_measure_distance(*pair) for pair in pairs if pair[0].corners or pair[1].corners)
+    views = [
+        _Views(own, size) for own, size in zip(zip(*pictures, strict=True), sizes, strict=True)
+    ]
+
+    def apart(one: int) -> FloatArray:
+        return np.max([own.measure_distances(one) for own in views], axis=0)
 
     gains = gains_of(quality) or Coverage(pictures, sizes, quality)
     # What moved no farther than a picture that counts as still is that picture again.
@@ -259,7 +262,7 @@ def _choose_greedily(
     usable: Sequence[int],
     spoilt: Sequence[int],
     gains: Gains,
-    apart: Callable[[int, int], float],
+    apart: Callable[[int], FloatArray],
     copy: float,
     most: int,
 ) -> Choice:
@@ -269,14 +272,14 @@ def _choose_greedily(
         usable: numbers of those that show something.
         spoilt: numbers of those that show something and are worse than the others.
         gains: what they add.
-        apart: the distance of two views, as a share of the picture's diagonal.
+        apart: the distances of a view to all, as shares of the picture's diagonal.
         copy: of two views nearer than this one is taken at most.
         most: how many may be taken.
 
     """
     order: list[int] = []
     gain: list[float] = []
-    nearest = dict.fromkeys([*usable, *spoilt], np.inf)
+    nearest = np.full(max([*usable, *spoilt]) + 1, np.inf)
     ended: Ended = "all"
     few = min(FEWEST, most)
     passes = ((usable, most, _SAME_VIEW), (usable, most, copy), (spoilt, few, copy))
@@ -290,7 +293,7 @@ def _choose_greedily(
             order.append(best)
             gain.append(value)
             gains.take(best)
-            nearest = {one: min(near, apart(best, one)) for one, near in nearest.items()}
+            nearest = np.minimum(nearest, apart(best)[: len(nearest)])
             left = [one for one in left if one != best and nearest[one] >= least]
         if left and len(order) >= most:
             ended = "asked"
@@ -375,16 +378,47 @@ def _find_squares(patch: Patch) -> tuple[FloatArray, FloatArray]:
     return (right + down)[area > 0] / 2, area[area > 0]
 
 
-def _measure_distance(one: Seen, other: Seen, size: tuple[int, int]) -> float:
-    """Return how far apart two views are, as a share of the diagonal; inf if nothing is common."""
-    fewer = min(one.corners, other.corners)
-    if any(patch.board < 0 or not patch.certain for patch in (*one.patches, *other.patches)):
-        if not fewer:
-            return np.inf
-        apart = outermost(one.pixel) - outermost(other.pixel)
-    else:
-        _, at, also_at = np.intersect1d(one.names, other.names, return_indices=True)
-        if not len(at) or len(at) < min(_FEWEST_COMMON, fewer) or 2 * len(at) < fewer:
-            return np.inf
-        apart = one.pixel[at] - other.pixel[also_at]
-    return float(np.median(np.linalg.norm(apart, axis=1))) / float(np.hypot(*size))
+class _Views:
+    """What pictures of one camera show, to be compared."""
+
+    def __init__(self, pictures: Sequence[Seen], size: tuple[int, int]) -> None:
+        self._diagonal = float(np.hypot(*size))
+        self._corners = np.array([one.corners for one in pictures])
+        self._first = np.concatenate([[0], np.cumsum(self._corners)])
+        self._picture = np.repeat(np.arange(len(pictures)), self._corners)
+        self._pixel = np.concatenate([np.zeros((0, 2)), *(one.pixel for one in pictures)])
+        names = np.concatenate([np.zeros(0, np.intp), *(one.names for one in pictures)])
+        self._kinds, self._name = np.unique(names, return_inverse=True)
+        self._is_named = np.array(
+            [all(patch.board >= 0 and patch.certain for patch in one.patches) for one in pictures]
+        )
+        nothing = np.zeros((1, 2))
+        outer = [outermost(one.pixel if one.corners else nothing) for one in pictures]
+        self._outer = np.array(outer)
+
+    def measure_distances(self, one: int) -> FloatArray:
+        """Return how far all views are from one, as shares of the diagonal.
+
+        inf where nothing is common; -inf where neither shows anything.
+        """
+        fewer = np.minimum(self._corners[one], self._corners)
+        apart = np.full(len(self._corners), np.inf)
+        apart[np.maximum(self._corners[one], self._corners) == 0] = -np.inf
+        by_names = self._is_named[one] & self._is_named
+        outer = (fewer > 0) & ~by_names
+        away = np.linalg.norm(self._outer[outer] - self._outer[one], axis=-1)
+        apart[outer] = np.median(away, axis=1) / self._diagonal
+        own = slice(self._first[one], self._first[one + 1])
+        place = np.full(len(self._kinds), -1)
+        place[self._name[own]] = np.arange(own.start, own.stop)
+        rows = np.flatnonzero((place[self._name] >= 0) & by_names[self._picture])
+        away = np.linalg.norm(self._pixel[place[self._name[rows]]] - self._pixel[rows], axis=1)
+        away = away[np.lexsort([away, self._picture[rows]])]
+        count = np.bincount(self._picture[rows], minlength=len(apart))
+        first = np.concatenate([[0], np.cumsum(count)[:-1]])
+        enough = (count >= np.maximum(1, np.minimum(_FEWEST_COMMON, fewer))) & (2 * count >= fewer)
+        enough &= by_names & (fewer > 0)
+        middle = first[enough] + count[enough] // 2
+        lower = first[enough] + (count[enough] - 1) // 2
+        apart[enough] = (away[lower] + away[middle]) / 2 / self._diagonal
+        return apart

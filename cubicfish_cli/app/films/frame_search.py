@@ -1,7 +1,8 @@
 """Searching many pictures of one camera for boards, until more pictures add hardly anything.
 
 A quick search shows what each picture would add. Only if it misses boards, with small squares for
-example, are they detected as `detect` does.
+example, are they detected as `detect` does: some of the pictures in which it saw none tell that.
+Pictures of a film are searched where those before and after show boards.
 """
 
 from __future__ import annotations
@@ -37,12 +38,15 @@ from cubicfish_cli.corners.detection.grids import FoundGrids
 from cubicfish_cli.corners.identification.quick_detect import (
     QuickDetection,
     name_quick_detections,
-    quick_detect_grids,
-    quick_detect_markers,
+    quick_detect,
+    quick_detect_near,
 )
 
 # Where fewer of the pictures show the target, they do not tell which pictures are good.
 _FEW, _FEW_SHARE = 3, 0.5
+# So many pictures, from all over, tell whether those are empty in which a quick search saw nothing:
+# if it missed boards in a fifth of them, it goes unnoticed once in fifteen times.
+_PROBES = 12
 # Pictures have no more to add when hardly any of the last few is chosen.
 _HARDLY_ANY = 0.1
 
@@ -105,11 +109,45 @@ def found_in(
     return _make_found_of_grids([photo.name for photo in photos], [one.grids for one in found])
 
 
-def _quick_detect(photo: Photo, *, marked: Target | None) -> QuickDetection | None:
-    grey = photo.grey_if_readable()
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Glance:
+    """A picture that is searched quickly.
+
+    Attributes:
+        photo: where it is.
+        near: what the pictures of a film before and after it show; None for a photo.
+
+    """
+
+    photo: Photo
+    near: tuple[QuickDetection, ...] | None
+
+    @property
+    def name(self) -> str:
+        """The picture's."""
+        return self.photo.name
+
+
+def _quick_detect(one: _Glance, *, target: Target | None) -> QuickDetection | None:
+    grey = one.photo.grey_if_readable()
     if grey is None:
         return None
-    return quick_detect_grids(grey) if marked is None else quick_detect_markers(grey, marked)
+    if one.near is None:
+        return quick_detect(grey, target)
+    return quick_detect_near(grey, target, one.near)
+
+
+def _spread(numbers: Sequence[int], most: int) -> list[int]:
+    """Return so many of the numbers at most, from all over."""
+    rounds = max(1, math.ceil(len(numbers) / most))
+    return list(numbers[rounds // 2 :: rounds])
+
+
+def _shows(seen: QuickDetection | None) -> bool:
+    """Return whether a quick search saw any board."""
+    if seen is None:
+        return False
+    return bool(seen.grids) if isinstance(seen, FoundGrids) else len(seen) > 0
 
 
 def _make_found_of_grids(names: Sequence[str], found: Sequence[FoundGrids | None]) -> Found:
@@ -136,7 +174,7 @@ def _make_found_of_corners(corners: Observations) -> Found:
             for board in np.unique(corners.board[here])
             for own in (here & (corners.board == board),)
         )
-    pairs = corners if len(corners.pixel) else None
+    pairs = corners.only_seen()[0] if len(corners.pixel) else None
     return Found(patches=patches, pairs=pairs, target=corners.target)
 
 
@@ -153,6 +191,8 @@ class Search:
         what: what the pictures are, in the plural, for messages.
         at_once: how many are searched quickly before checking whether more would add anything.
         quick_jobs: number of processes for quick detection.
+        is_film: whether each picture is like those before and after it, as in a film.
+        glances: what was seen quickly in pictures, by their numbers.
         searched: numbers of the pictures that were searched.
         choice: what is chosen of these.
 
@@ -167,8 +207,11 @@ class Search:
     what: str
     at_once: int
     quick_jobs: int | None
+    is_film: bool = False
+    glances: dict[int, QuickDetection | None] = field(default_factory=dict)
     searched: set[int] = field(default_factory=set)
     choice: Choice = field(init=False)
+    _again: set[int] = field(init=False, default_factory=set)
 
     def search(self, good: Sequence[int], others: Sequence[int]) -> None:
         """Search good pictures quickly; only where these show little, others, and all fully.
@@ -187,12 +230,19 @@ class Search:
             found = self._search_quickly(numbers, found)
             if self._is_well_seen(found):
                 return
+        every = [*good, *others]
+        unseen = [at for at in every if self.photos[at].name not in found.patches]
+        is_seen = found.miscounted is None and len(found.patches) >= _FEW
+        if is_seen and self._are_empty(unseen, _PROBES):
+            return
+        if self.is_film and not any(map(_shows, self.glances.values())):
+            self.detect(_spread(every, self.at_once))  # and no other if these show nothing
         # All at once: it takes many photos to see what is wrong with the target.
-        for numbers in (good, [*good, *others]) if others else (good,):
+        for numbers in (good, every) if others else (good,):
             try:
                 found = self.detect(numbers)
             except DetectionError:
-                if len(numbers) == len(good) + len(others):
+                if len(numbers) == len(every) or self._are_empty(others, _PROBES):
                     raise
                 continue
             self.searched.update(numbers)
@@ -202,31 +252,73 @@ class Search:
         if found.miscounted is not None:
             raise DetectionError(found.miscounted.why, do=found.miscounted.do)
 
+    def _are_empty(self, numbers: Sequence[int], most: int) -> bool:
+        """Return whether hardly any of a few among these pictures, from all over, shows the target.
+
+        A finding on the target's counts is one that the others may explain.
+        """
+        probes = _spread(numbers, most)
+        try:
+            found = self.detect(probes)
+        except DetectionError:
+            return True
+        return found.miscounted is None and len(found.patches) <= _HARDLY_ANY * len(probes)
+
     def detect_quickly(self, numbers: Sequence[int]) -> Found:
-        """Return what quick detection finds in some pictures."""
-        photos = [self.photos[at] for at in numbers]
-        names = [photo.name for photo in photos]
-        work = replace(self.run, jobs=self.quick_jobs).work(f"Glancing at {self.what}")
-        marked = [one for one in self.targets or () if one.has_markers][:1]
-        seen = work.done(partial(_quick_detect, marked=marked[0] if marked else None), photos)
+        """Return what quick detection finds in some pictures.
+
+        In others too that were searched before, of a film, if a board is found next to them.
+        """
+        marked = [one for one in self.targets or () if one.has_markers]
+        target = next(iter([*marked, *(self.targets or ())]), None)
+        looking, numbers = list(numbers), list(numbers)
+        while looking:
+            seen = self._glance(looking, target)
+            self.glances.update(zip(looking, seen, strict=True))
+            # A board that is lost in one picture is looked for where it is in the next.
+            beside = {at for n in looking if _shows(self.glances[n]) for at in self._next_to(n)}
+            looking = sorted(at for at in beside if not _shows(self.glances[at]))
+            looking = [at for at in looking if at not in self._again]
+            self._again.update(looking)
+            numbers += [at for at in looking if at not in numbers]
+        names = [self.photos[at].name for at in numbers]
+        found = [self.glances[at] for at in numbers]
         if not self.targets:
             return _make_found_of_grids(
-                names, [one if isinstance(one, FoundGrids) else None for one in seen]
+                names, [one if isinstance(one, FoundGrids) else None for one in found]
             )
-        corners, identified = name_quick_detections(seen, self.targets, self.size, names)
-        found = _make_found_of_corners(corners)
-        if identified is None or found.target is None:
-            return found
+        corners, identified = name_quick_detections(found, self.targets, self.size, names)
+        made = _make_found_of_corners(corners)
+        if identified is None or made.target is None:
+            return made
         evidence = GridEvidence(
             photos=len(names),
             names=names,
             picture=lambda number: None,
-            target=found.target,
+            target=made.target,
             with_boards=len(names),
             lost=(),
             identified=identified,
         )
-        return replace(found, findings=tuple(squares_of_grids(evidence)))
+        return replace(made, findings=tuple(squares_of_grids(evidence)))
+
+    def _glance(self, numbers: Sequence[int], target: Target | None) -> list[QuickDetection | None]:
+        """Search pictures quickly, those of a film beside what the next ones show."""
+        glances = []
+        for at in numbers:
+            near = [self.glances[one] for one in self._next_to(at)] if self.is_film else None
+            known = None if near is None else tuple(one for one in near if one is not None)
+            glances.append(_Glance(photo=self.photos[at], near=known))
+        work = replace(self.run, jobs=self.quick_jobs).work(f"Glancing at {self.what}")
+        return work.done(partial(_quick_detect, target=target), glances)
+
+    def _next_to(self, number: int) -> list[int]:
+        """Return the pictures before and after one of a film, of those that were searched."""
+        if not self.is_film:
+            return []
+        before = max((at for at in self.glances if at < number), default=None)
+        after = min((at for at in self.glances if at > number), default=None)
+        return [at for at in (before, after) if at is not None]
 
     def detect(self, numbers: Sequence[int]) -> Found:
         """Return what full detection finds in some pictures."""

@@ -19,13 +19,16 @@ import numpy as np
 from cubicfish_cli.app.films.measure import Grey, motion, sharpness, small_picture
 from cubicfish_cli.app.films.source import Film, frames, missing_frames, opened
 from cubicfish_cli.app.listener import Event, Listener
-from cubicfish_cli.app.photos import shown
+from cubicfish_cli.app.photos import Picture, read_picture, shown
 from cubicfish_cli.core.errors import PhotoError
 from cubicfish_cli.core.files import whole_file
 
 # One frame of so many is kept; where frames come more slowly than the film says, one of those
 # within so many times the time that they should take.
 _SLOWER = 1.5
+# Compressing a picture takes as long as searching it for boards. Frames that may yet be dropped are
+# not compressed, up to so many bytes: 90 of 12 megapixels have 3 GB, which not every disk has.
+_PLAIN, _MOST_PLAIN = ".bmp", 2**30
 # Compressing a picture well takes as long as decoding twenty.
 _FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
 if hasattr(cv2, "IMWRITE_PNG_FILTER"):  # OpenCV 4.12 and later
@@ -105,11 +108,13 @@ def scan(
     measured = Measured(film=film)
     with opened(film.path) as (container, stream):
         decoded = frames(film.path, container, stream)
+        plain = _MOST_PLAIN // (3 * film.size[0] * film.size[1])
         begin = int(stream.start_time or 0)
         every_frame = _measure_frames(measured, decoded, begin, stream.time_base, progress)
         for index, frame in _choose_best_of_stretches(measured, every_frame, every):
             if folder is not None:
-                measured.kept[index] = folder / f"{index}.png"
+                suffix = _PLAIN if len(measured.kept) < plain else ".png"
+                measured.kept[index] = folder / f"{index}{suffix}"
                 write_frame(measured.kept[index], frame)
         if not len(measured):
             raise PhotoError(
@@ -188,7 +193,7 @@ def brightness(frame: Any) -> Grey:
 
 
 def write_frame(path: Path, frame: Any) -> None:
-    """Write a frame as a PNG of 8 bits, grey where the film is grey.
+    """Write a frame as a PNG or BMP of 8 bits, as the path says, grey where the film is grey.
 
     Raises:
         OutputError: it cannot be written.
@@ -196,9 +201,20 @@ def write_frame(path: Path, frame: Any) -> None:
     """
     grey = frame.format.name.startswith("gray")
     picture = frame.to_ndarray(format="gray" if grey else "bgr24")
-    data = cv2.imencode(".png", picture, _FAST)[1]
     with whole_file(path, overwrite=True) as temporary:
-        temporary.write_bytes(data.tobytes())
+        temporary.write_bytes(_encode(picture, path.suffix))
+
+
+def copy_as_png(kept: Path, path: Path) -> None:
+    """Copy a frame that was kept, as a PNG."""
+    if kept.suffix == ".png":
+        shutil.copyfile(kept, path)
+    else:
+        path.write_bytes(_encode(read_picture(kept), ".png"))
+
+
+def _encode(picture: Picture, suffix: str) -> bytes:
+    return cv2.imencode(suffix, picture, _FAST if suffix == ".png" else [])[1].tobytes()
 
 
 def still_px(size: tuple[int, int]) -> float:

@@ -1,5 +1,7 @@
 """The families of markers that boards carry."""
 
+import math
+import re
 from dataclasses import dataclass
 
 # Number of markers in each family, as cv2.aruco.getPredefinedDictionary has them.
@@ -46,3 +48,11 @@ def alike(dictionary: str) -> list[str]:
     if not count.isdigit():
         return [dictionary]
     return [one for one in MARKER_DICTIONARIES if one.startswith(f"{stem}_")]
+
+
+def modules_along(dictionary: str) -> int:
+    """How many modules a dictionary's markers have along a side, without their frame."""
+    if (square := re.search(r"_(\d)X", dictionary)) is not None:
+        return int(square[1])
+    bits = re.search(r"_(\d+)h", dictionary)
+    return 5 if bits is None else math.isqrt(int(bits[1]))

@@ -108,6 +108,7 @@ def chosen_of(
         what="frames",
         at_once=_ROUND,
         quick_jobs=1,
+        is_film=True,
     )
     try:
         search.search([at for at in range(len(frames)) if at not in worse], worse)

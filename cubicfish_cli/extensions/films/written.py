@@ -3,11 +3,11 @@
 The sheet is no picture file, since a folder's pictures are the photos to calibrate from.
 """
 
-import shutil
 from functools import partial
 from html import escape
 from pathlib import Path
 
+from cubicfish_cli.app.films.scan import copy_as_png
 from cubicfish_cli.app.photos import data_uri, read_picture, thumbnail
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.files import Content, write_files
@@ -48,7 +48,7 @@ def write_chosen(folder: Path, chosen: Chosen, *, overwrite: bool) -> None:
     """
     files: dict[Path, Content] = {folder / SHEET: _draw_sheet(chosen)}
     for frame in chosen.taken:
-        files[folder / frame.photo.name] = partial(shutil.copyfile, frame.photo.path)
+        files[folder / frame.photo.name] = partial(copy_as_png, frame.photo.path)
     films = {one.film.label for one in chosen.measured}
     obsolete = [
         path

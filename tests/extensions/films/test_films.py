@@ -8,8 +8,9 @@ pytest.importorskip("av")
 
 from filming import photos
 
-from cubicfish_cli.app.films.choose import FEWEST, Patch, Seen, _find_tilt, choose
+from cubicfish_cli.app.films.choose import FEWEST, Patch, Seen, _find_tilt, _Views, choose
 from cubicfish_cli.app.films.measure import motion, sharpness, small_picture
+from cubicfish_cli.core.geometry import outermost
 
 SIZE = (480, 360)
 
@@ -155,3 +156,34 @@ def test_each_side_that_a_board_is_seen_from_is_told_from_the_others() -> None:
         grown = middle + off * (1 + off @ np.array(towards) / 80)[:, None]
         sides.add(_find_tilt(Patch(board=0, cells=patch.cells, pixel=grown)))
     assert sides == {0, 1, 2, 3, 4}
+
+
+@pytest.mark.parametrize("certain", [True, False])
+def test_distances_are_medians_of_what_two_views_have_in_common(certain: bool) -> None:
+    random = np.random.default_rng(1)
+    cells = np.stack(np.meshgrid(np.arange(5), np.arange(4)), axis=-1).reshape(-1, 2)
+    pictures = [Seen(sharpness=0.6)]
+    for count in (1, 3, 6, 12, 19, 20, 20, 20):
+        own = cells[random.permutation(20)[:count]]
+        pixel = 20.0 * own + random.normal(0, 9, own.shape) + random.uniform(0, 90, 2)
+        patch = Patch(board=1, cells=own, pixel=pixel, certain=certain or count % 2 == 0)
+        pictures.append(Seen(sharpness=0.6, patches=(patch,)))
+    views = _Views(pictures, SIZE)
+    for one, first in enumerate(pictures):
+        found = views.measure_distances(one)
+        for other, second in enumerate(pictures):
+            fewer = min(first.corners, second.corners)
+            if not max(first.corners, second.corners):
+                assert found[other] == -np.inf
+                continue
+            by_names = all(patch.certain for patch in (*first.patches, *second.patches))
+            if by_names:
+                place = {name: at for at, name in enumerate(second.names.tolist())}
+                pairs = [(a, place[n]) for a, n in enumerate(first.names.tolist()) if n in place]
+                use = len(pairs) >= max(1, min(4, fewer)) and 2 * len(pairs) >= fewer
+                apart = [first.pixel[a] - second.pixel[b] for a, b in pairs]
+            else:
+                use = fewer > 0
+                apart = outermost(first.pixel) - outermost(second.pixel) if use else []
+            expected = np.median(np.linalg.norm(apart, axis=1)) / np.hypot(*SIZE) if use else np.inf
+            assert found[other] == pytest.approx(expected, rel=1e-12)
