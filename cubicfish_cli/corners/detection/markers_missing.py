@@ -18,8 +18,8 @@ from cubicfish_cli.corners.detection.markers_lattice import BoardLattice
 from cubicfish_cli.corners.detection.pyramid import Pyramid
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
-# Half as much as a corner must differ from those around it: what shows less is no corner, and
-# what lies beyond the lens's circle or the light is even.
+# A corner has 0.15 of the contrast around it at least; what shows less than two thirds of that is
+# none, and what lies beyond the lens's circle or the light is even.
 _SHOWN, _LEAST_SIGNAL = 0.1, 6.0
 # A marker beyond an unknown corner vouches for those two cells away, and has corners around it.
 _MARGIN = 3.0
