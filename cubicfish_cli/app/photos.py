@@ -308,7 +308,7 @@ def decode_picture(path: Path, data: bytes, *, floats: bool = False, reduced: in
         raise PhotoError(
             f"holds {picture.dtype} numbers: save it with 8 or 16 bits", about=shown(path)
         )
-    return picture
+    return _with_full_range(picture, data)
 
 
 def read_grey(path: Path) -> Picture:
@@ -433,9 +433,17 @@ def _check(path: Path, data: bytes) -> None:
         raise PhotoError(
             f"is not a picture that can be read: save it as {_READABLE}", about=shown(path)
         )
+    if _is_animated(data):
+        raise PhotoError("is an animation: save its pictures one by one", about=shown(path))
     width, height = read_size(data) or (0, 0)
     if width * height > MAX_PIXELS:
         raise _explain_too_large(path)
+
+
+def _is_animated(data: bytes) -> bool:
+    """Whether a WebP file says that it has several pictures, of which decoders give the first."""
+    webp = data.startswith(b"RIFF") and data[8:16] == b"WEBPVP8X"
+    return webp and len(data) > 20 and bool(data[20] & 2)
 
 
 def _explain_too_large(path: Path) -> PhotoError:
@@ -547,6 +555,32 @@ def jpeg_segments(data: bytes) -> Iterator[tuple[int, int]]:
         position += 2 + int(struct.unpack_from(">H", data, position + 2)[0])
 
 
+# What a PNM file says before its pixels: after its kind three numbers, and comments among them.
+_PNM_HEADER = re.compile(rb"P([2356])" + 3 * rb"(?:\s|#[^\n]*\n)+(\d+)")
+_PNM_HEADER_BYTES = 4096
+
+
+def _with_full_range(picture: Picture, data: bytes) -> Picture:
+    """A picture whose white is that of its numbers: PNM files say which number is white.
+
+    Sensors of 10, 12 or 14 bits write theirs, and a decoder keeps the numbers as they are.
+    """
+    header = _PNM_HEADER.match(data[:_PNM_HEADER_BYTES])
+    if header is None or picture.dtype not in (np.uint8, np.uint16):
+        return picture
+    white, full = int(header[4]), 255 if picture.dtype == np.uint8 else 65_535
+    written_out = header[1] in b"23"
+    if not 0 < white < full or (written_out and full == 255):  # of those OpenCV does it
+        return picture
+    scaled = np.rint(np.minimum(picture, white) * np.float32(full / white))
+    return np.asarray(np.minimum(scaled, full), picture.dtype)
+
+
+# Tag 338, one short number: alpha that the colours are not multiplied by, which OpenCV does then.
+_STRAIGHT_ALPHA = (
+    (b"II", re.compile(rb"(\x52\x01\x03\0\x01\0\0\0)\x02", re.DOTALL)),
+    (b"MM", re.compile(rb"(\x01\x52\0\x03\0\0\0\x01\0)\x02", re.DOTALL)),
+)
 # Tag 274, of any type of whole number, one value, which is not 1: little and big endian.
 _TURNED = (
     (b"II", re.compile(rb"(\x12\x01.\0\x01\0{3,7})[\x02-\x08]", re.DOTALL)),
@@ -557,11 +591,11 @@ _TURNED = (
 def as_stored(data: bytes) -> bytes:
     """A picture file whose decoder leaves the pixels as they are stored.
 
-    OpenCV turns a TIFF file by its note of orientation, whatever it is told: in a copy the note is
-    made to say that nothing is turned.
+    OpenCV turns a TIFF file by its note of orientation, whatever it is told, and darkens colours by
+    alpha: in a copy the notes are made to say that nothing is turned, and colours are dark already.
     """
     if data.startswith(_TIFFS):
-        for order, note in _TURNED:
+        for order, note in (*_TURNED, *_STRAIGHT_ALPHA):
             if data.startswith(order) and note.search(data):
-                return note.sub(b"\\g<1>\x01", data)
+                data = note.sub(b"\\g<1>\x01", data)
     return data

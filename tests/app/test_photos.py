@@ -273,3 +273,49 @@ def test_decoders_write_nothing_to_stderr(tmp_path):
     )
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=True)
     assert done.stdout == "(480, 640, 3)\n"
+
+
+@pytest.mark.parametrize("kind", [b"P2", b"P3", b"P5", b"P6"])
+@pytest.mark.parametrize("white", [100, 255, 1023, 4095, 65535])
+def test_white_of_a_pnm_file_is_white(tmp_path, kind, white):
+    channels = 3 if kind in (b"P3", b"P6") else 1
+    full = 255 if white < 256 else 65535
+    values = np.repeat([0, white // 4, white // 2, white], channels)
+    body = b" ".join(b"%d" % one for one in values) + b"\n"
+    if kind in (b"P5", b"P6"):
+        body = values.astype("u1" if full == 255 else ">u2").tobytes()
+    path = tmp_path / "photo.pnm"
+    path.write_bytes(kind + b"\n# made by hand\n2 2\n%d\n" % white + body)
+    right = np.rint(np.array([0, white // 4, white // 2, white]) * (full / white))
+    grey = read_grey(path).ravel()
+    assert grey.dtype == (np.uint8 if full == 255 else np.uint16)
+    assert np.abs(grey - right).max() <= 1
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_alpha_does_not_darken_a_tiff(tmp_path, order):
+    """Colours that alpha is not multiplied into, as image editors save them."""
+    colours = np.random.default_rng(0).integers(60, 250, (5, 7, 4)).astype(np.uint8)
+    colours[..., 3] = np.arange(7) * 40
+    tags = [(256, 7), (257, 5), (258, None), (259, 1), (262, 2), (273, 200), (277, 4), (278, 5)]
+    tags += [(279, 140), (284, 1), (338, 2)]
+    data = bytearray(b"II*\0" if order == "<" else b"MM\0*") + struct.pack(order + "I", 8)
+    data += struct.pack(order + "H", len(tags))
+    for tag, value in tags:
+        how = (tag, 3, 4, 180) if value is None else (tag, 3, 1)
+        pack = "HHII" if value is None else "HHIHH"
+        data += struct.pack(order + pack, *how, *(() if value is None else (value, 0)))
+    data = data.ljust(180, b"\0") + struct.pack(order + "4H", 8, 8, 8, 8)
+    data = data.ljust(200, b"\0") + colours.tobytes()
+    path = tmp_path / "photo.tif"
+    path.write_bytes(bytes(data))
+    np.testing.assert_array_equal(read_picture(path)[..., 2::-1], colours[..., :3])
+
+
+def test_an_animation_is_no_photo(tmp_path):
+    still = cv2.imencode(".webp", np.full((40, 50, 3), 90, np.uint8))[1].tobytes()
+    chunk = b"VP8X" + struct.pack("<IB3x3s3s", 10, 2, b"\x31\0\0", b"\x27\0\0")
+    path = tmp_path / "photo.webp"
+    path.write_bytes(b"RIFF" + struct.pack("<I", len(still) + 10) + b"WEBP" + chunk + still[12:])
+    with pytest.raises(PhotoError, match="is an animation: save its pictures one by one"):
+        read_picture(path)
