@@ -29,6 +29,7 @@ from cubicfish_cli.corners.detection.seeds import SURE_CORNERS, find_promising
 # Texture has squares by the hundred. Boards have the largest pieces, so they come first; after
 # this many pieces that did not grow into a board the search is over.
 _MOST_FAILURES = 40
+_SQUARE = 4  # corners
 # A grid that has grown to so many times the corners it had, and these at least, goes on growing
 # only if it would be a board. That is one that keeps this share of its corners: of a board's nearly
 # all stay.
@@ -119,13 +120,17 @@ def search(pyramid: Pyramid) -> SearchResult:
             grid[taken & (grid < 0)] = len(found)
             candidates = cKDTree(corners.pixel[grid < 0])
             found.append(seen)
-    unexplained = [patch for patch in patches if (grid[patch.corner] < 0).all()]
+    unexplained = [
+        corners.pixel[patch.corner]
+        for patch in patches
+        if len(patch.corner) >= _SQUARE and (grid[patch.corner] < 0).all()
+    ]
     loose = corners.select(grid < 0)
     kept = [k for k, one in enumerate(found) if is_beyond_chance_among(one.lattice, loose)]
     return SearchResult(
         grids=[found[k] for k in kept],
         refused=corners.select(~np.isin(grid, kept)),
-        pieces=[corners.pixel[patch.corner] for patch in unexplained[:_MOST_FAILURES]],
+        pieces=unexplained[:_MOST_FAILURES],
         grown=len(found) + failures,
     )
 
@@ -154,7 +159,7 @@ def _grow_patch(
     lattice = patch.lattice(corners)
     measure_contrast(pyramid, lattice)
     clean(lattice)
-    if lattice.known.sum() < 4:
+    if lattice.known.sum() < _SQUARE:
         return None
     while grow(pyramid, lattice, candidates, max(_GROWN_LEAST, _GROWN * lattice.known.sum())):
         if _judge(pyramid, copy.deepcopy(lattice)) is None:
