@@ -400,7 +400,7 @@ def worked_out_once() -> Iterator[None]:
         patch.setattr(detection, "name_grids", once(detection.name_grids))
         patch.setattr(detection, "predicted_corners", once(detection.predicted_corners))
         patch.setattr(Prediction, "seen_in", once(Prediction.seen_in))
-        for name in ("quick_detect_grids", "name_quick_detections"):
+        for name in ("quick_detect", "quick_detect_near", "name_quick_detections"):
             patch.setattr(frame_search, name, once(getattr(frame_search, name)))
         yield
 

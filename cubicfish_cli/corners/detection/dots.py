@@ -97,7 +97,7 @@ def _count_in_grid(side: npt.NDArray[np.uint8], place: FloatArray, area: FloatAr
 
 
 def _sample(side: npt.NDArray[np.uint8], pixel: FloatArray) -> FloatArray:
-    return np.asarray(bilinear(np.asarray(side, np.float32), pixel), float)
+    return np.asarray(bilinear(np.asarray(side, np.float32), pixel.T[:, None])[0], float)
 
 
 def find_opposite_pairs(

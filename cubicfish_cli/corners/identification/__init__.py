@@ -2,9 +2,8 @@
 
 `app/detection.py` is the recipe. `app/photo_detection.py` reads one photo and finds its nameless
 grids, or why there are none, and remembers what was found in it (`GridCache`). A photo in which
-nothing is found is searched at twice its size, for smaller squares and markers, and so is what lies
-around a part of a board of small squares (`partial_grids.py`); the photo itself then says where
-their corners are. `app/executors/pool.py` shares photos out to processes. `corners/identification/`
+nothing is found, or a part of a board of small squares, is also searched at twice its size.
+`app/executors/pool.py` shares photos out to processes. `corners/identification/`
 decides which board each grid is. Markers name their boards' corners at once (`identified.py`).
 Plain boards are named by geometry (`name_grids.py`): all grids as nameless planes give the lens
 (`scene.py`), and with it known every place on the target is tried photo by photo (`search.py`,

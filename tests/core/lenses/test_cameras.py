@@ -176,6 +176,7 @@ LENSES = {
 def _cubic_fit() -> CubicFit:
     camera = cubic_camera(bend=0.0004)  # so near that two rounds find the nearest bent lens
     rays = random_rays(100, 50)
+    rays = rays[np.argsort(-rays[:, 2])]  # outwards
     scale, centre = 200.0, np.array([480.0, 350.0])
     normalisation = np.array([[scale, 0, centre[0]], [0, scale, centre[1]], [0, 0, 1]])
     coefficients = np.linalg.solve(normalisation, camera.P) @ sphere_basis()
