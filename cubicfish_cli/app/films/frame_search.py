@@ -232,7 +232,10 @@ class Search:
                 return
         every = [*good, *others]
         unseen = [at for at in every if self.photos[at].name not in found.patches]
+        # Boards that were seen and cannot be named may be others than the target says.
+        unnamed = sum(_shows(self.glances.get(at)) for at in unseen)
         is_seen = found.miscounted is None and len(found.patches) >= _FEW
+        is_seen = is_seen and unnamed <= _HARDLY_ANY * len(every)
         if is_seen and self._are_empty(unseen, _PROBES):
             return
         if self.is_film and not any(map(_shows, self.glances.values())):
