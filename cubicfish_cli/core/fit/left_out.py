@@ -83,6 +83,8 @@ class LeaveOneOut:
         The empirical influence of a group (Jaeckel's infinitesimal jackknife).
         """
         normal, count = self._fit.normal, len(self._groups)
+        if not count:
+            return np.empty((0, len(normal.shared)))
         for number, group in enumerate(self._groups):
             if number not in self._gradients:
                 self._keep_gradient(number, self._sum_up(group))
