@@ -40,9 +40,9 @@ def searched(monkeypatch):
     """The sizes of what is searched for grids."""
     sizes = []
 
-    def search(image, **options):
+    def search(image, *boards):
         sizes.append(image.size)
-        return find_grids(image, **options)
+        return find_grids(image, *boards)
 
     for module in (photo_detection, markers):
         monkeypatch.setattr(module, "find_grids", search)
