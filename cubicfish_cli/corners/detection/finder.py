@@ -2,7 +2,8 @@
 
 The photo is searched reduced (`search.py`), where a board costs least, and where what blurs or
 bleeds at full size does neither. Finer scales are searched only where pieces of small squares were
-seen, or where nothing was. Then each grid is followed to finer scales (`follow.py`).
+seen, or, up to the photo's own size, where nothing was. Then each grid is followed to finer scales
+(`follow.py`).
 """
 
 from __future__ import annotations
@@ -19,7 +20,13 @@ from cubicfish_cli.corners.detection.follow import SAME, SMALL_PX, follow, in_or
 from cubicfish_cli.corners.detection.grids import FoundGrids
 from cubicfish_cli.corners.detection.ladder import Box, Ladder, join_boxes
 from cubicfish_cli.corners.detection.nearby import nearest
-from cubicfish_cli.corners.detection.pyramid import SMALLEST_SIDE, build_pyramid, enlarged, reduced
+from cubicfish_cli.corners.detection.pyramid import (
+    CLOSE,
+    SMALLEST_SIDE,
+    build_pyramid,
+    enlarged,
+    reduced,
+)
 from cubicfish_cli.corners.detection.search import (
     NOTHING_SEEN,
     SearchResult,
@@ -99,8 +106,10 @@ def _search_scales(
     for finer in ladder.finer(zoom):
         if _are_all_seen(found, sizes):
             break
-        results = [_search_box(ladder, box, finer) for box in boxes if found]
-        if not found:
+        # A board that is found at twice the size alone shows in pieces at the photo's own.
+        in_boxes = found or finer == CLOSE
+        results = [_search_box(ladder, box, finer) for box in boxes if in_boxes]
+        if not in_boxes:
             results = [search(ladder.at(finer))]
             refused = enlarged(results[0].refused.pixel, finer)
         for part in results:

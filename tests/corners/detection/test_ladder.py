@@ -132,6 +132,19 @@ def test_a_board_of_tiny_squares_is_found_where_nothing_else_is():
     assert away(grid.pixel, truth).max() < 0.5
 
 
+def test_twice_the_size_is_searched_only_where_pieces_of_squares_are(searched):
+    picture, _ = slanted(4.6, 4.2, size=(500, 400))
+    (grid,) = find_grids(picture, BOARDS).grids
+    assert len(grid) == COLUMNS * ROWS
+    width, height = searched[-1]
+    assert 2 * 9 * 4.2 < width < 500
+    assert 2 * 7 * 3.2 < height < 400
+    searched.clear()
+    noise = np.random.default_rng(0).normal(120, 1.5, picture.shape)
+    assert find_grids(noise.astype(np.uint8), BOARDS).grids == ()
+    assert max(searched) == (500, 400)
+
+
 @pytest.mark.parametrize("near", [10, 4.2])
 def test_a_completed_grid_is_remembered(tmp_path, monkeypatch, near):
     path = tmp_path / "photo.png"
