@@ -195,7 +195,7 @@ def scaled(megapixels: float) -> np.ndarray:
 def count_patches(images: list[np.ndarray], board: tuple[int, int]) -> tuple[int, int]:
     """How many patches grow in some photos, and how many of them become boards."""
     search, results = finder.search, []
-    finder.search = lambda pyramid: results.append(search(pyramid)) or results[-1]
+    finder.search = lambda *seen: results.append(search(*seen)) or results[-1]
     try:
         for image in images:
             find_grids(image, [board])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache, lru_cache, partial
 from pathlib import Path
@@ -48,11 +48,12 @@ class GridCache:
 
     folder: Path | None = None
 
-    def key(self, data: bytes) -> str:
-        """Name of the entry of a photo with these bytes."""
+    def key(self, data: bytes, boards: Sequence[tuple[int, int]]) -> str:
+        """Name of the entry of a photo with these bytes, searched for boards of such sizes."""
         if self.folder is None:
             return ""
-        return hashlib.sha256(data).hexdigest()[:32] + "-" + _hash_sources()
+        sizes = hashlib.sha256(repr(sorted(map(sorted, boards))).encode()).hexdigest()[:8]
+        return f"{hashlib.sha256(data).hexdigest()[:32]}-{sizes}-{_hash_sources()}"
 
     def load(self, key: str) -> FoundGrids | None:
         """The entry, or None where there is none or it is damaged."""
@@ -166,8 +167,8 @@ def detect_in_photo(
                 return detected
         # What is in memory has no bytes to know it by.
         cache = cache if cache and data else GridCache()
-        boards = [] if target is None else [(one.columns, one.rows) for one in target.boards]
-        key = "-".join([cache.key(data), *(f"{columns}x{rows}" for columns, rows in boards)])
+        boards = _list_boards(target)
+        key = cache.key(data, boards)
         grids = cache.load(key) or cache.keep(key, find_grids(picture(), boards))
     except PhotoError as error:
         why = make_refusal(photo.name, Code.CANNOT_BE_READ, problem=str(error))
@@ -184,6 +185,12 @@ def detect_in_photo(
         why = explain_no_grids(picture(), grids)
         return replace(detected, refusal=replace(why, severity=Severity.CARE, images=(photo.name,)))
     return detected
+
+
+def _list_boards(target: Target | None) -> list[tuple[int, int]]:
+    """(Columns, rows) of the boards that show as grids of squares."""
+    boards = () if target is None else target.boards
+    return [(board.columns, board.rows) for board in boards if board.has_squares]
 
 
 def _read_picture(photo: Photo, data: bytes) -> Picture:

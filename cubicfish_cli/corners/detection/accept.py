@@ -115,13 +115,16 @@ def is_board(lattice: Lattice, cells: IntArray, found: Crossings) -> bool:
     every = lattice.cells()
     if len(every) < _FILLED * np.prod(np.ptp(every, axis=0) + 1):
         return False
+    unlikeness = _measure_unlikeness(lattice, cells)
+    if not len(unlikeness):
+        return False
     side = np.maximum(lattice.fit(cells).side, 1.0)
     blur = float(np.median(found.blur.max(1) / side))
     score = np.array(
         [
             median_miss(lattice, every) / MOST_MISS,
             blur / USUAL_BLUR,
-            np.median(_measure_unlikeness(lattice, cells)) / _CONTRAST,
+            np.median(unlikeness) / _CONTRAST,
             np.median(_measure_gap_scatter(found.gap, lattice.sign(cells)) / side) / _GAP,
             np.median(found.turn) / _TURN,
             max(0.0, -_find_middle_gap(found.gap, lattice.sign(cells)) / np.median(side))

@@ -1,13 +1,14 @@
 """Photo -> grids of sub-pixel checkerboard corners: a ladder of scales, from the coarse end.
 
 The photo is searched reduced (`search.py`), where a board costs least, and where what blurs or
-bleeds at full size does neither. Finer scales are searched only where pieces of small squares were
-seen, or, up to the photo's own size, where nothing was. Then each grid is followed to finer scales
-(`follow.py`).
+bleeds at full size does neither. Finer scales are searched as a whole only where boards are still
+missing, and otherwise where pieces of small squares were seen. Then each grid is followed to finer
+scales (`follow.py`).
 """
 
 from __future__ import annotations
 
+import copy
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +20,7 @@ from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.corners.detection.follow import SAME, SMALL_PX, follow, in_order, size_of
 from cubicfish_cli.corners.detection.grids import FoundGrids
 from cubicfish_cli.corners.detection.ladder import Box, Ladder, join_boxes
+from cubicfish_cli.corners.detection.lattice import Lattice
 from cubicfish_cli.corners.detection.nearby import nearest
 from cubicfish_cli.corners.detection.pyramid import (
     CLOSE,
@@ -43,7 +45,7 @@ _BESIDE = 1.5
 _MOST_SHARED = 0.5
 # A part of a board that has this share of its corners shows that it was seen: what else of it there
 # is lies beside.
-_GOOD_PART = 0.25
+_GOOD_PART = 0.125
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,6 +60,13 @@ class _Found:
         lattice = self.seen.lattice
         return enlarged(lattice.at(lattice.cells()), self.zoom)
 
+    def at(self, zoom: float) -> Lattice:
+        """Its corners in pixels of another zoom."""
+        lattice = copy.deepcopy(self.seen.lattice)
+        lattice.make_room()
+        lattice.pixel = (enlarged(lattice.pixel, self.zoom) + 0.5) / zoom - 0.5
+        return lattice
+
 
 def find_grids(
     image: npt.NDArray[np.generic], boards: Sequence[tuple[int, int]] = ()
@@ -66,14 +75,14 @@ def find_grids(
 
     Boards may be cut by the photo's border, the image circle or each other, bent by a fisheye
     lens beyond 180 degrees, dim or bright, blurred, or burnt so that dark squares no longer touch.
-    Squares may be 6 px small, and 4 px where nothing else is seen, in a photo of more than
-    :data:`~.ladder.MOST_PIXELS` of the reduced photo that is searched. Memory beyond the photo's
-    own stays under 1 GB.
+    Squares may be 6 px small, or 4 px where pieces of them are seen. In a photo of more than
+    :data:`~.ladder.MOST_PIXELS` these are pixels of the reduced photo that is searched. Memory
+    beyond the photo's own stays under 1 GB.
 
     Args:
         image: (H, W) grey levels, uint8, uint16 or float.
-        boards: (columns, rows) of the inner corners of each board that may be there. Once all are
-            seen, finer scales are not searched for more.
+        boards: (columns, rows) of the inner corners of each board that may be there. Until all
+            are seen, finer scales are searched for them as a whole; then they are searched no more.
 
     """
     height, width = image.shape
@@ -106,11 +115,12 @@ def _search_scales(
     for finer in ladder.finer(zoom):
         if _are_all_seen(found, sizes):
             break
-        # A board that is found at twice the size alone shows in pieces at the photo's own.
-        in_boxes = found or finer == CLOSE
-        results = [_search_box(ladder, box, finer) for box in boxes if in_boxes]
-        if not in_boxes:
-            results = [search(ladder.at(finer))]
+        # A board of tiny squares shows nothing at a coarse scale, but pieces at the photo's own.
+        if finer != CLOSE and (sizes or not found):
+            results = [search(ladder.at(finer), [one.at(finer) for one in found])]
+        else:
+            results = [_search_box(ladder, box, finer) for box in boxes]
+        if not found and finer != CLOSE:
             refused = enlarged(results[0].refused.pixel, finer)
         for part in results:
             likely = [one for one in part.grids if _is_beyond_chance(one, finer / zoom, result)]
@@ -126,8 +136,9 @@ def _search_box(ladder: Ladder, box: Box, zoom: float) -> SearchResult:
     small = reduced(ladder.image[top : box.bottom, left : box.right], zoom)
     if min(small.shape) < SMALLEST_SIDE:
         return NOTHING_SEEN
-    result = search(build_pyramid(small))
-    return result.moved(np.array([left, top]) / zoom)
+    pyramid = build_pyramid(small)
+    gain = ladder.at(zoom).gain / pyramid.gain
+    return search(pyramid).moved(np.array([left, top]) / zoom, gain)
 
 
 def _is_beyond_chance(seen: Seen, zoom: float, everywhere: SearchResult) -> bool:

@@ -99,10 +99,12 @@ def follow(
     last = min(max(float(last), ladder.finest), zoom)
     if np.median(least_window(seen.found)) > USUAL_HALF and ladder.is_possible(2 * zoom):
         zoom = _change(ladder, lattice, zoom, 2 * zoom)
+        before = lattice.pixel[lattice.known]
         if size_of(lattice) not in sizes and _grow(ladder.at(zoom), lattice):
             cells = lattice.cells()
+            new = nearest(lattice.at(cells), before, 1)[0][:, 0] > 0
             found, good = verify(ladder.at(zoom), lattice, cells)
-            lattice.drop(cells[~good])
+            lattice.drop(cells[new & ~good])
             places.append(_Places.of(found.select(good), zoom))
     for finer in [*(one for one in ladder.finer(zoom) if one > last), last]:
         if size_of(lattice) in sizes:
@@ -157,7 +159,7 @@ def _refine(pyramid: Pyramid, lattice: Lattice, zoom: float, places: _Places) ->
 
 
 def _put_back(before: Lattice, lattice: Lattice, zoom: float, places: _Places) -> None:
-    """Put corners back that went for their blur alone, where another scale shows them."""
+    """Put corners back that went and are blurred, where another scale shows them."""
     cells = before.cells()
     side, pixel = before.fit(cells).side, enlarged(before.at(cells), zoom)
     distance, index = nearest(pixel, places.pixel, 1)

@@ -21,6 +21,8 @@ from cubicfish_cli.corners.detection.pyramid import (
 COARSE_PIXELS = 130_000
 # Nothing is searched at more.
 MOST_PIXELS = 16_000_000
+# cv2.remap takes no more.
+_LONGEST_SIDE = 32_766
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,8 +47,9 @@ class Ladder:
 
     def is_possible(self, zoom: float) -> bool:
         """Whether the photo at this zoom is neither too small nor too large to be searched."""
-        size = self.image.size / zoom**2
-        return size <= MOST_PIXELS and min(self.image.shape) / zoom >= 2 * SMALLEST_SIDE
+        shortest, longest = sorted(side / zoom for side in self.image.shape)
+        fits = shortest * longest <= MOST_PIXELS and longest <= _LONGEST_SIDE
+        return fits and shortest >= 2 * SMALLEST_SIDE
 
     def finer(self, zoom: float) -> list[float]:
         """The zooms below this one, the largest first, down to twice the photo's size."""

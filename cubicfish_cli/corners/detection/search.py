@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 
@@ -74,19 +75,20 @@ class SearchResult:
     pieces: list[FloatArray]
     grown: int = 0
 
-    def moved(self, shift: FloatArray) -> SearchResult:
-        """The same where the photo's first pixel lies at ``shift`` (2,)."""
-        for seen in self.grids:
-            seen.lattice.pixel += shift
-        return SearchResult(
-            grids=[
-                replace(one, found=replace(one.found, pixel=one.found.pixel + shift))
-                for one in self.grids
-            ],
-            refused=replace(self.refused, pixel=self.refused.pixel + shift),
-            pieces=[piece + shift for piece in self.pieces],
-            grown=self.grown,
+    def moved(self, shift: FloatArray, gain: float) -> SearchResult:
+        """The same where the first pixel lies at ``shift`` (2,), contrasts times ``gain``."""
+        grids = []
+        for one in self.grids:
+            lattice = copy.deepcopy(one.lattice)
+            lattice.pixel += shift
+            lattice.contrast *= gain
+            found = replace(one.found, pixel=one.found.pixel + shift)
+            grids.append(Seen(lattice=lattice, found=found))
+        refused = replace(
+            self.refused, pixel=self.refused.pixel + shift, contrast=self.refused.contrast * gain
         )
+        pieces = [piece + shift for piece in self.pieces]
+        return SearchResult(grids=grids, refused=refused, pieces=pieces, grown=self.grown)
 
 
 _NO_CORNERS = XCorners(
@@ -95,9 +97,13 @@ _NO_CORNERS = XCorners(
 NOTHING_SEEN = SearchResult(grids=[], refused=_NO_CORNERS, pieces=[])
 
 
-def search(pyramid: Pyramid) -> SearchResult:
-    """Find all grids in the pyramid."""
+def search(pyramid: Pyramid, known: Sequence[Lattice] = ()) -> SearchResult:
+    """Find all grids in the pyramid but those that are known."""
     corners = find_corners(pyramid)
+    for lattice in known:
+        cells = lattice.cells()
+        taken = _find_taken(corners.pixel, lattice.at(cells), lattice.fit(cells).side)
+        corners = corners.select(~taken)
     grid = np.full(len(corners.pixel), -1)  # which each corner is part of
     candidates = cKDTree(corners.pixel)
     found: list[Seen] = []

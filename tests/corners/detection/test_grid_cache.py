@@ -67,11 +67,12 @@ def test_a_damaged_entry_is_no_entry(cache, damage):
 
 
 def test_key_follows_the_bytes_and_the_finder(cache, monkeypatch):
-    key = cache.key(b"photo")
-    assert cache.key(b"photo") == key
-    assert cache.key(b"photO") != key
+    key = cache.key(b"photo", [(9, 6), (5, 4)])
+    assert cache.key(b"photo", [(4, 5), (6, 9)]) == key
+    assert cache.key(b"photO", [(9, 6), (5, 4)]) != key
+    assert cache.key(b"photo", [(9, 6)]) != key
     monkeypatch.setattr(photo_detection, "_hash_sources", lambda: "another")
-    assert cache.key(b"photo") != key
+    assert cache.key(b"photo", [(9, 6), (5, 4)]) != key
 
 
 def test_a_folder_that_cannot_be_written_is_no_error(tmp_path):

@@ -73,9 +73,9 @@ def searched(monkeypatch):
     """The sizes of what is searched."""
     sizes, search = [], finder.search
 
-    def noted(pyramid):
+    def noted(pyramid, *known):
         sizes.append(pyramid.size)
-        return search(pyramid)
+        return search(pyramid, *known)
 
     monkeypatch.setattr(finder, "search", noted)
     return sizes
@@ -94,7 +94,7 @@ def test_only_where_squares_are_small_is_more_searched(searched):
     large, first = slanted(60, 40, size=(1280, 960), at=(60.0, 60.0), finer=1)
     small, second = slanted(14, 13, size=(1280, 960), at=(1000.3, 700.6), finer=2)
     photo = np.where((np.arange(1280) > 980) & (np.arange(960) > 690)[:, None], small, large)
-    found = find_grids(photo, [*BOARDS, *BOARDS])
+    found = find_grids(photo)
     assert [len(grid) for grid in found.grids] == [COLUMNS * ROWS] * 2
     assert away(found.grids[0].pixel, first).max() < 0.2
     assert away(found.grids[1].pixel, second).max() < 0.2
@@ -213,3 +213,18 @@ def test_pieces_are_squares_at_least():
     assert len(result.pieces) > 10
     assert min(len(piece) for piece in result.pieces) >= 4
     assert find_grids(photo).grids == ()
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_a_small_board_beside_a_large_one_is_found(kind):
+    large, _ = slanted(60, 40, size=(1280, 960), at=(60.0, 60.0), finer=1)
+    small, truth = slanted(7, 7, size=(1280, 960), at=(1100.3, 800.6), finer=3)
+    photo = np.where((np.arange(1280) > 1080) & (np.arange(960) > 790)[:, None], small, large)
+    found = find_grids(photo.astype(kind) * kind(1 if kind is np.uint8 else 200), [*BOARDS * 2])
+    assert [len(grid) for grid in found.grids] == [COLUMNS * ROWS] * 2
+    assert away(found.grids[1].pixel, truth).max() < 0.3
+
+
+def test_a_strip_longer_than_opencv_allows_at_twice_the_size_is_searched():
+    photo = np.kron(np.indices((3, 1250)).sum(0) % 2, np.ones((17, 16))).astype(np.uint8) * 200
+    assert find_grids(photo).image_size == (20_000, 51)
