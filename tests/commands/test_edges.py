@@ -201,14 +201,14 @@ def test_outputs_that_cannot_be_written_are_refused_before_the_work(
 @pytest.mark.usefixtures("in_time")
 def test_a_pipe_in_the_cache_is_not_waited_for(tmp_path: Path) -> None:
     cache = GridCache(folder=tmp_path)
-    key = cache.key(b"photo")
+    key = cache.key(b"photo", [])
     os.mkfifo(tmp_path / f"{key}.npz")
     assert cache.load(key) is None
 
 
 def test_entries_of_the_cache_that_were_exchanged_are_not_used(tmp_path: Path) -> None:
     cache = GridCache(folder=tmp_path)
-    one, other = cache.key(b"one"), cache.key(b"other")
+    one, other = cache.key(b"one", []), cache.key(b"other", [])
     found = FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=(64, 48))
     cache.save(one, found)
     assert cache.load(one) is not None
