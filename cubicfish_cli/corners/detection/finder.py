@@ -64,7 +64,7 @@ class _Found:
         """Its corners in pixels of another zoom."""
         lattice = copy.deepcopy(self.seen.lattice)
         lattice.make_room()
-        lattice.pixel = (enlarged(lattice.pixel, self.zoom) + 0.5) / zoom - 0.5
+        lattice.pixel = enlarged(lattice.pixel, self.zoom / zoom)
         return lattice
 
 
@@ -116,12 +116,12 @@ def _search_scales(
         if _are_all_seen(found, sizes):
             break
         # A board of tiny squares shows nothing at a coarse scale, but pieces at the photo's own.
-        if finer != CLOSE and (sizes or not found):
-            results = [search(ladder.at(finer), [one.at(finer) for one in found])]
-        else:
+        if finer == CLOSE or (found and not sizes):
             results = [_search_box(ladder, box, finer) for box in boxes]
-        if not found and finer != CLOSE:
-            refused = enlarged(results[0].refused.pixel, finer)
+        else:
+            results = [search(ladder.at(finer), [one.at(finer) for one in found])]
+            if not found:
+                refused = enlarged(results[0].refused.pixel, finer)
         for part in results:
             likely = [one for one in part.grids if _is_beyond_chance(one, finer / zoom, result)]
             found += _find_new(found, [_Found(seen=seen, zoom=finer) for seen in likely])

@@ -123,7 +123,7 @@ def _change(ladder: Ladder, lattice: Lattice, zoom: float, other: float) -> floa
     """Change a lattice from one zoom to another, which is returned; cells may be tried again."""
     if zoom != other:
         lattice.make_room()
-        lattice.pixel = (enlarged(lattice.pixel, zoom) + 0.5) / other - 0.5
+        lattice.pixel = enlarged(lattice.pixel, zoom / other)
         lattice.contrast *= ladder.at(other).gain / ladder.at(zoom).gain
         lattice.half_gap *= zoom / other
         lattice.tried[:] = 0
@@ -165,7 +165,7 @@ def _put_back(before: Lattice, lattice: Lattice, zoom: float, places: _Places) -
     distance, index = nearest(pixel, places.pixel, 1)
     back = ~lattice.known[cells[:, 0], cells[:, 1]] & (distance[:, 0] < SAME * zoom * side)
     back &= places.window[index[:, 0]] > _MOST_OF_WINDOW * LARGEST_HALF * zoom
-    cells, seen = cells[back], (places.pixel[index[back, 0]] + 0.5) / zoom - 0.5
+    cells, seen = cells[back], enlarged(places.pixel[index[back, 0]], 1 / zoom)
     lattice.put(cells, seen, before.contrast[cells[:, 0], cells[:, 1]])
 
 

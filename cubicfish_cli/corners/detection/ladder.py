@@ -1,4 +1,4 @@
-"""The scales that a photo is searched at, and a grid's way from one to the next."""
+"""The scales that a photo is searched at, and the parts of it that are searched at one of them."""
 
 from __future__ import annotations
 
