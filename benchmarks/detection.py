@@ -23,7 +23,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from cubicfish_cli.core.boards.types import Checkerboard
+from cubicfish.target.boards.types import Checkerboard
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -34,11 +34,11 @@ import numpy as np
 from asymmetric_lens import AsymmetricLens
 from looking import look_at
 
-from cubicfish_cli.app.viewpoints.truth import project_corners
-from cubicfish_cli.core.target import Target, load_target
-from cubicfish_cli.corners.detection import finder
-from cubicfish_cli.corners.detection.finder import find_grids
+from cubicfish.find.detection import finder
+from cubicfish.find.detection.finder import find_grids
+from cubicfish.target.target import Target, load_target
 from cubicfish_cli.extensions.simulation.simulate import render
+from cubicfish_cli.viewpoints.truth import project_corners
 
 NEAR, FAR = 1.0, 3.0
 # Image, corners that must be found, all corners that may be found.

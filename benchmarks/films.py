@@ -34,21 +34,21 @@ import numpy as np
 from synthetic_films import Film, FilmOptions, hand_path
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
-from cubicfish_cli.app.comparison import aligned_difference
-from cubicfish_cli.app.detection import first_pass
-from cubicfish_cli.app.executors.pool import Work
-from cubicfish_cli.app.films.source import decode, opened
-from cubicfish_cli.app.photos import Photo, find_photos
-from cubicfish_cli.core.errors import CubicfishError
-from cubicfish_cli.core.fit.calibrate import calibrate
-from cubicfish_cli.core.fit.calibration import Calibration
-from cubicfish_cli.core.fit.subset import select_photos
-from cubicfish_cli.core.frame_names import frame_name
-from cubicfish_cli.core.io.observations_csv import load_corners, save_corners
-from cubicfish_cli.core.lenses.sphere import cone_rays
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target, load_target
+from cubicfish.errors import CubicfishError
+from cubicfish.files.frame_names import frame_name
+from cubicfish.fit.calibrate import calibrate
+from cubicfish.fit.calibration import Calibration
+from cubicfish.io.corners_csv import load_corners, save_corners
+from cubicfish.models.sphere import cone_rays
+from cubicfish.solve.subset import select_photos
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target, load_target
+from cubicfish_cli.comparison import aligned_difference
+from cubicfish_cli.detection.detection import first_pass
 from cubicfish_cli.extensions.simulation.command import LookOptions
+from cubicfish_cli.films.source import decode, opened
+from cubicfish_cli.photos.executors.pool import Work
+from cubicfish_cli.photos.photos import Photo, find_photos
 
 SAMPLE = Path(__file__).resolve().parents[1] / "sample_data" / "target.yaml"
 TARGETS = {

@@ -26,7 +26,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from cubicfish_cli.core.boards.types import BOARD_TYPES
+from cubicfish.target.boards.types import BOARD_TYPES
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -36,14 +36,14 @@ import cv2
 import numpy as np
 from synthetic_lenses import SYNTHETIC_LENSES, SyntheticLens, synthetic_lens
 
-from cubicfish_cli.app.detection import detect
-from cubicfish_cli.app.viewpoints.truth import Pose, TrueCorners, project_corners
-from cubicfish_cli.core.boards.markers import Markers
-from cubicfish_cli.core.errors import CubicfishError
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.corners.detection.finder import find_grids
-from cubicfish_cli.corners.detection.markers import find_marked_corners
+from cubicfish.errors import CubicfishError
+from cubicfish.find.detection.finder import find_grids
+from cubicfish.find.detection.markers import find_marked_corners
+from cubicfish.target.boards.markers import Markers
+from cubicfish.target.target import Target
+from cubicfish_cli.detection.detection import detect
 from cubicfish_cli.extensions.simulation.simulate import RayGrid, render, room_background
+from cubicfish_cli.viewpoints.truth import Pose, TrueCorners, project_corners
 
 SIZE = (640, 480)
 COLUMNS, ROWS, SQUARE = 10, 7, 30.0

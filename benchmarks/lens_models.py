@@ -18,27 +18,27 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from cubicfish_cli.app.lenses.foreign_lens import FocalLens, ForeignLens, usable_angle_deg
-from cubicfish_cli.core.angles import angle_from_axis, columns
-from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.adjustment import Adjustment, adjust
-from cubicfish_cli.core.fit.calibration import Calibration
-from cubicfish_cli.core.fit.cubic_fit import PriorChoice, choose_prior, fit_cubic
-from cubicfish_cli.core.fit.fit_lens import FitLens, FixedLens, FreeLens, nearest_lens
-from cubicfish_cli.core.fit.folds import folds_of
-from cubicfish_cli.core.fit.nearest_cubic import MARGIN_DEG, cone_angle
-from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.radial_reference import RadialReference, radial_near, refit_radial
-from cubicfish_cli.core.fit.statistics import rms_px, wide_px
-from cubicfish_cli.core.fit.subset import select, select_photos, world_scale
-from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.lenses.sphere import cone_rays
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.threads import one_blas_thread
-from cubicfish_cli.core.types import FloatArray
+from cubicfish.angles import angle_from_axis, columns
+from cubicfish.errors import FitError
+from cubicfish.fit.calibration import Calibration
+from cubicfish.fit.cubic_fit import PriorChoice, choose_prior, fit_cubic
+from cubicfish.fit.folds import folds_of
+from cubicfish.fit.nearest_cubic import MARGIN_DEG, cone_angle
+from cubicfish.fit.radial_reference import RadialReference, radial_near, refit_radial
+from cubicfish.models.radial import RadialCamera
+from cubicfish.models.sphere import cone_rays
+from cubicfish.solve.adjustment import Adjustment, adjust
+from cubicfish.solve.fit_lens import FitLens, FixedLens, FreeLens, nearest_lens
+from cubicfish.solve.poses import Poses
+from cubicfish.solve.statistics import rms_px, wide_px
+from cubicfish.solve.subset import select, select_photos, world_scale
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target
+from cubicfish.threads import one_blas_thread
+from cubicfish.types import FloatArray
 from cubicfish_cli.extensions.formats.lenses import DoubleSphereLens, UnifiedLens
 from cubicfish_cli.extensions.formats.ocamcalib import ScaramuzzaLens
+from cubicfish_cli.foreign.foreign_lens import FocalLens, ForeignLens, usable_angle_deg
 
 L = TypeVar("L", bound=ForeignLens)
 F = TypeVar("F", bound=FitLens)
@@ -227,7 +227,7 @@ def _reference(calibration: Calibration, pairs: Observations) -> RadialReference
 
 
 def _folds(reference: RadialReference) -> list[_Fold]:
-    """The same folds as :func:`cubicfish_cli.core.fit.held_out.held_out_error`."""
+    """The same folds as :func:`cubicfish.fit.held_out.held_out_error`."""
     pairs = reference.pairs
     photos = np.arange(len(pairs.images))
     folds = []

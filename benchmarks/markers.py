@@ -22,13 +22,13 @@ import numpy as np
 from asymmetric_lens import AsymmetricLens
 from looking import look_at
 
-from cubicfish_cli.app.viewpoints.truth import Pose, TrueCorners, project_corners
-from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.boards.markers import Markers
-from cubicfish_cli.core.boards.types import BOARD_TYPES
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.corners.detection.markers import find_marked_corners
+from cubicfish.angles import angle_from_axis
+from cubicfish.find.detection.markers import find_marked_corners
+from cubicfish.target.boards.markers import Markers
+from cubicfish.target.boards.types import BOARD_TYPES
+from cubicfish.target.target import Target
 from cubicfish_cli.extensions.simulation.simulate import render
+from cubicfish_cli.viewpoints.truth import Pose, TrueCorners, project_corners
 
 LENS = AsymmetricLens(
     image_size=(1280, 1280),

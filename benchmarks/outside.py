@@ -21,7 +21,7 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
-from cubicfish_cli.core.boards.types import Checkerboard
+from cubicfish.target.boards.types import Checkerboard
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -32,11 +32,11 @@ from simulated import CornerErrors, simulated_corners
 from synthetic import TRUE_LENS
 from synthetic_lenses import SYNTHETIC_LENSES, synthetic_lens
 
-from cubicfish_cli.app.comparison import aligned_difference
-from cubicfish_cli.core.errors import CubicfishError
-from cubicfish_cli.core.fit.calibrate import calibrate
-from cubicfish_cli.core.lenses.sphere import cone_rays
-from cubicfish_cli.core.target import Target
+from cubicfish.errors import CubicfishError
+from cubicfish.fit.calibrate import calibrate
+from cubicfish.models.sphere import cone_rays
+from cubicfish.target.target import Target
+from cubicfish_cli.comparison import aligned_difference
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses
 
 SIZE = TRUE_LENS.image_size

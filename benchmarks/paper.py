@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.lenses.point_fit import RatioFit, fit_ratio
-from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.calibrate import calibrate
-from cubicfish_cli.core.lenses.lift import lift
-from cubicfish_cli.core.observations import Observations
+from cubicfish.errors import FitError
+from cubicfish.fit.calibrate import calibrate
+from cubicfish.models.lift import lift
+from cubicfish.target.observations import Observations
+from cubicfish_cli.foreign.point_fit import RatioFit, fit_ratio
 
 FloatArray = npt.NDArray[np.float64]
 

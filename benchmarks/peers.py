@@ -28,21 +28,21 @@ import numpy as np
 import numpy.typing as npt
 from lens_models import compare_models
 
-from cubicfish_cli.app.executors.pool import Work
+from cubicfish.errors import FitError
+from cubicfish.fit.calibration import Calibration
+from cubicfish.fit.folds import FOLDS
+from cubicfish.io.corners_csv import load_corners
+from cubicfish.models.radial import RadialCamera
+from cubicfish.solve.adjustment import adjust
+from cubicfish.solve.fit_lens import FitLens, FixedLens, FreeLens
+from cubicfish.solve.poses import Poses
+from cubicfish.solve.statistics import huber_px, rms_px
+from cubicfish.solve.subset import select_photos
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target, load_target
 from cubicfish_cli.commands.calibration import calibrate
-from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.adjustment import adjust
-from cubicfish_cli.core.fit.calibration import Calibration
-from cubicfish_cli.core.fit.fit_lens import FitLens, FixedLens, FreeLens
-from cubicfish_cli.core.fit.folds import FOLDS
-from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.statistics import huber_px, rms_px
-from cubicfish_cli.core.fit.subset import select_photos
-from cubicfish_cli.core.io.observations_csv import load_corners
-from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target, load_target
 from cubicfish_cli.extensions.formats.lenses import UnifiedLens
+from cubicfish_cli.photos.executors.pool import Work
 
 FloatArray = npt.NDArray[np.float64]
 HERE = Path(__file__).parent
@@ -53,8 +53,8 @@ def corners_of(data: Path, corners: Path | None, target: Target) -> Observations
     """The pairs, from a file or from the photos."""
     if corners is not None:
         return load_corners(corners, target)
-    from cubicfish_cli.app.detection import first_pass
-    from cubicfish_cli.app.photos import find_photos
+    from cubicfish_cli.detection.detection import first_pass
+    from cubicfish_cli.photos.photos import find_photos
 
     return first_pass(find_photos([data / "images"]), [target], Work()).corners.with_target(target)
 

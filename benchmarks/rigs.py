@@ -30,19 +30,19 @@ from simulated import CornerErrors
 from simulated_rig import RigTruth, combined, simulated_rig
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
-from cubicfish_cli.app.comparison import aligned_difference
-from cubicfish_cli.app.listener import Listener
-from cubicfish_cli.app.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
-from cubicfish_cli.core.errors import CubicfishError
-from cubicfish_cli.core.fit.subset import select_photos
-from cubicfish_cli.core.io.observations_csv import load_corners
-from cubicfish_cli.core.lenses.sphere import cone_rays
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target, load_target
+from cubicfish.errors import CubicfishError
+from cubicfish.io.corners_csv import load_corners
+from cubicfish.models.sphere import cone_rays
+from cubicfish.solve.subset import select_photos
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target, load_target
+from cubicfish_cli.comparison import aligned_difference
 from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig
 from cubicfish_cli.extensions.rigs.fit.compare import compare_rigs
 from cubicfish_cli.extensions.rigs.fit.shots import Times, load_times
 from cubicfish_cli.extensions.rigs.rig import Rig
+from cubicfish_cli.listener import Listener
+from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 
 NOISE = CornerErrors(noise=0.1, shared=0.0, spread=0.0)
 

@@ -23,12 +23,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, adjust
-from cubicfish_cli.core.fit.calibrate import calibrate
-from cubicfish_cli.core.fit.cubic_fit import starts, with_prior
-from cubicfish_cli.core.fit.statistics import huber_px, rms_px
-from cubicfish_cli.core.io.observations_csv import load_corners
-from cubicfish_cli.core.target import load_target
+from cubicfish.fit.calibrate import calibrate
+from cubicfish.fit.cubic_fit import starts, with_prior
+from cubicfish.io.corners_csv import load_corners
+from cubicfish.solve.adjustment import WARM_DAMPING, adjust
+from cubicfish.solve.statistics import huber_px, rms_px
+from cubicfish.target.target import load_target
 
 STARTS = 5
 AGREES = 1e-3

@@ -26,13 +26,13 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # as the command l
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 
-from cubicfish_cli.app.run import Run  # noqa: E402
-from cubicfish_cli.app.undistortion.batch import Job, write_many, write_one  # noqa: E402
-from cubicfish_cli.app.undistortion.images import remap_picture  # noqa: E402
-from cubicfish_cli.core.io.camera_yaml import load_camera  # noqa: E402
-from cubicfish_cli.core.lenses.cubic import CubicCamera  # noqa: E402
-from cubicfish_cli.core.views.maps import UndistortMap, build_map, camera_for_photos  # noqa: E402
-from cubicfish_cli.core.views.view import PROJECTIONS, CentralView  # noqa: E402
+from cubicfish.io.camera_yaml import load_camera  # noqa: E402
+from cubicfish.models.cubic import CubicCamera  # noqa: E402
+from cubicfish.views.maps import UndistortMap, build_map, camera_for_photos  # noqa: E402
+from cubicfish.views.view import PROJECTIONS, CentralView  # noqa: E402
+from cubicfish_cli.run import Run  # noqa: E402
+from cubicfish_cli.undistortion.batch import Job, write_many, write_one  # noqa: E402
+from cubicfish_cli.undistortion.images import remap_picture  # noqa: E402
 
 HERE = Path(__file__).resolve().parent
 SAMPLE = HERE.parent / "sample_data"
@@ -243,8 +243,8 @@ def measure_memory(model: Path, folder: Path) -> None:
 def measure_video(camera: CubicCamera, folder: Path) -> None:
     import av
 
-    from cubicfish_cli.app.listener import SILENT
-    from cubicfish_cli.app.undistortion.video import DEFAULT_CRF, VideoViews
+    from cubicfish_cli.listener import SILENT
+    from cubicfish_cli.undistortion.video import DEFAULT_CRF, VideoViews
 
     size = (1920, 1080)
     view = CentralView.with_field("perspective", 110, size)
@@ -432,8 +432,8 @@ def measure_real(folder: Path) -> None:
     if not REAL.exists():
         print("real photos are not there: skipped")
         return
-    from cubicfish_cli.core.io.observations_csv import load_corners
-    from cubicfish_cli.core.target import load_target
+    from cubicfish.io.corners_csv import load_corners
+    from cubicfish.target.target import load_target
 
     target = load_target(REAL / "target.yaml")
     corners = load_corners(REAL / "reference_corners.csv", target)

@@ -29,7 +29,7 @@ import numpy as np
 import wrong_setups
 from click.testing import CliRunner
 
-from cubicfish_cli.app.terminal.main import cli
+from cubicfish_cli.terminal.main import cli
 
 
 def said(setup: wrong_setups.SetUp) -> tuple[str, dict]:

@@ -1,16 +1,61 @@
-"""cubicfish, as a program names it: every public name of :mod:`cubicfish_cli`, and nothing else."""
+"""cubicfish: fisheye calibration with the cubic polynomial camera of Zhu & Yin (2010).
 
-import cubicfish_cli as _package
+In a program::
 
-__version__ = _package.__version__
-__all__ = _package.__all__
+    from cubicfish import Target
+    from cubicfish_cli import calibrate, detect, undistort
+
+    target = Target.load("target.yaml")
+    calibration = calibrate(detect("photos/", target), target)
+    flat = undistort(photo, calibration.camera)
+
+What the names below offer is described in docs/library.md. They are loaded when they are first
+used, so that importing the package loads nothing else. Nothing here prints, and files are written
+by ``choose_frames`` and what is called ``..._files``, ``save`` or ``save_...`` alone.
+
+Conventions, the same everywhere in the package:
+
+- Pixel (0, 0) is the centre of the top-left pixel, x to the right, y down, as in
+  ``cv2.remap``. Sizes are ``(width, height)``.
+- The camera frame has x to the right, y down and z forward.
+- Lengths are in the target file's ``units``. Transforms are named
+  ``camera_from_world``: a rotation vector (radians) and a translation.
+- Angles are radians inside and degrees in files and options, where names end in ``_deg``.
+- Arrays hold points along their leading axes: ``(..., 3)`` in, ``(..., 2)`` out.
+"""
+
+__version__ = "0.1.0"
+
+# Where each public name is; __init__.pyi tells type checkers. Nothing at all is loaded by this
+# file: while it is, Ctrl-C would still end in a traceback.
+_PLACES = {
+    "cubicfish.target.observations": ("Observations",),
+    "cubicfish.io.corners_csv": ("load_corners", "save_corners"),
+    "cubicfish.errors": ("CubicfishError",),
+    "cubicfish.fit.calibrate": ("Calibration",),
+    "cubicfish.fit.evaluate": ("Evaluation",),
+    "cubicfish.judge.verdict": ("Verdict",),
+    "cubicfish.io.camera_yaml": ("CameraFile", "load_any_camera", "load_camera"),
+    "cubicfish.judge.finding": ("Finding",),
+    "cubicfish.models.cubic": ("CubicCamera",),
+    "cubicfish.find.identification.identified": ("Detection",),
+    "cubicfish.target.target": ("Target",),
+    "cubicfish.views.plane": ("build_plane",),
+    "cubicfish.views.maps": ("UndistortMap", "build_map"),
+    "cubicfish.views.view": ("View",),
+}
+_MODULES = {name: module for module, names in _PLACES.items() for name in names}
+
+__all__ = sorted(_MODULES)
 
 
 def __getattr__(name: str) -> object:
     """Load a public name when it is first used."""
-    if name not in __all__:
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value: object = getattr(_package, name)
+    from importlib import import_module
+
+    value: object = getattr(import_module(_MODULES[name]), name)
     globals()[name] = value
     return value
 

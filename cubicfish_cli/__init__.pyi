@@ -1,17 +1,23 @@
 """The public names, for type checkers: each is loaded when it is first used."""
 
-from cubicfish_cli.app.comparison import Comparison as Comparison
-from cubicfish_cli.app.comparison import compare as compare
-from cubicfish_cli.app.detection import detect as detect
-from cubicfish_cli.app.listener import Event as Event
-from cubicfish_cli.app.listener import Listener as Listener
-from cubicfish_cli.app.photos import read_picture as read_picture
-from cubicfish_cli.app.run import Run as Run
-from cubicfish_cli.app.undistortion.choose import build_view as build_view
-from cubicfish_cli.app.undistortion.images import undistort as undistort
-from cubicfish_cli.app.undistortion.map_formats import save_map as save_map
-from cubicfish_cli.app.undistortion.options import PlaneOptions as PlaneOptions
-from cubicfish_cli.app.undistortion.options import ViewOptions as ViewOptions
+from cubicfish.errors import CubicfishError as CubicfishError
+from cubicfish.find.identification.identified import Detection as Detection
+from cubicfish.fit.calibrate import Calibration as Calibration
+from cubicfish.fit.evaluate import Evaluation as Evaluation
+from cubicfish.io.camera_yaml import CameraFile as CameraFile
+from cubicfish.io.camera_yaml import load_any_camera as load_any_camera
+from cubicfish.io.camera_yaml import load_camera as load_camera
+from cubicfish.io.corners_csv import load_corners as load_corners
+from cubicfish.io.corners_csv import save_corners as save_corners
+from cubicfish.judge.finding import Finding as Finding
+from cubicfish.judge.verdict import Verdict as Verdict
+from cubicfish.models.cubic import CubicCamera as CubicCamera
+from cubicfish.target.observations import Observations as Observations
+from cubicfish.target.target import Target as Target
+from cubicfish.views.maps import UndistortMap as UndistortMap
+from cubicfish.views.maps import build_map as build_map
+from cubicfish.views.plane import build_plane as build_plane
+from cubicfish.views.view import View as View
 from cubicfish_cli.commands.calibrate import CalibrateOptions as CalibrateOptions
 from cubicfish_cli.commands.calibrate import calibrate_files as calibrate_files
 from cubicfish_cli.commands.calibration import calibrate as calibrate
@@ -36,24 +42,9 @@ from cubicfish_cli.commands.target import check_target as check_target
 from cubicfish_cli.commands.target import check_target_files as check_target_files
 from cubicfish_cli.commands.undistort import UndistortOptions as UndistortOptions
 from cubicfish_cli.commands.undistort import undistort_files as undistort_files
-from cubicfish_cli.core.assess.verdict import Verdict as Verdict
-from cubicfish_cli.core.errors import CubicfishError as CubicfishError
-from cubicfish_cli.core.finding import Finding as Finding
-from cubicfish_cli.core.fit.calibrate import Calibration as Calibration
-from cubicfish_cli.core.fit.evaluate import Evaluation as Evaluation
-from cubicfish_cli.core.io.camera_yaml import CameraFile as CameraFile
-from cubicfish_cli.core.io.camera_yaml import load_any_camera as load_any_camera
-from cubicfish_cli.core.io.camera_yaml import load_camera as load_camera
-from cubicfish_cli.core.io.observations_csv import load_corners as load_corners
-from cubicfish_cli.core.io.observations_csv import save_corners as save_corners
-from cubicfish_cli.core.lenses.cubic import CubicCamera as CubicCamera
-from cubicfish_cli.core.observations import Observations as Observations
-from cubicfish_cli.core.target import Target as Target
-from cubicfish_cli.core.views.maps import UndistortMap as UndistortMap
-from cubicfish_cli.core.views.maps import build_map as build_map
-from cubicfish_cli.core.views.plane import build_plane as build_plane
-from cubicfish_cli.core.views.view import View as View
-from cubicfish_cli.corners.identification.identified import Detection as Detection
+from cubicfish_cli.comparison import Comparison as Comparison
+from cubicfish_cli.comparison import compare as compare
+from cubicfish_cli.detection.detection import detect as detect
 from cubicfish_cli.extensions.advice.command import AdviseOptions as AdviseOptions
 from cubicfish_cli.extensions.advice.command import advise_files as advise_files
 from cubicfish_cli.extensions.films.command import ChosenFrames as ChosenFrames
@@ -96,6 +87,15 @@ from cubicfish_cli.extensions.rigs.undistort import undistort_rig_files as undis
 from cubicfish_cli.extensions.simulation.command import LookOptions as LookOptions
 from cubicfish_cli.extensions.simulation.command import SimulateOptions as SimulateOptions
 from cubicfish_cli.extensions.simulation.command import simulate_files as simulate_files
+from cubicfish_cli.listener import Event as Event
+from cubicfish_cli.listener import Listener as Listener
+from cubicfish_cli.photos.photos import read_picture as read_picture
+from cubicfish_cli.run import Run as Run
+from cubicfish_cli.undistortion.choose import build_view as build_view
+from cubicfish_cli.undistortion.images import undistort as undistort
+from cubicfish_cli.undistortion.map_formats import save_map as save_map
+from cubicfish_cli.undistortion.options import PlaneOptions as PlaneOptions
+from cubicfish_cli.undistortion.options import ViewOptions as ViewOptions
 
 __version__: str
 __all__: list[str]

@@ -17,9 +17,9 @@ from string import Template
 
 import click
 
-from cubicfish_cli.app.terminal.main import cli
-from cubicfish_cli.app.terminal.parameters import Argument
-from cubicfish_cli.core.codes import Code, Remedy
+from cubicfish.judge.codes import Code, Remedy
+from cubicfish_cli.terminal.main import cli
+from cubicfish_cli.terminal.parameters import Argument
 
 PAGE = Path(__file__).with_name("cli.md")
 WIDTH = 100

@@ -16,12 +16,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.viewpoints.truth import (
+from cubicfish.target.target import Target, load_target
+from cubicfish_cli.viewpoints.truth import (
     Pose,
     rotation_matrix,
     true_corners_text,
 )
-from cubicfish_cli.core.target import Target, load_target
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "tests" / "support")]

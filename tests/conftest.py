@@ -39,10 +39,10 @@ import yaml
 from hypothesis import settings
 from running import MISSING, SAMPLE, Run, run_cli
 
-from cubicfish_cli.app import drawing as extra
+from cubicfish_cli.render import drawing as extra
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.fit.calibration import Calibration
+    from cubicfish.fit.calibration import Calibration
 
 # Tests read camera.yaml as often as commands do: by the quick loader where there is one.
 yaml.SafeLoader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -76,7 +76,7 @@ def nothing_from_outside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[N
     What writes pages takes its time, and says so. Other processes are started for photos only
     where a test asks for them, or starts the program itself: each loads OpenCV and SciPy first.
     """
-    from cubicfish_cli.app.executors import pool
+    from cubicfish_cli.photos.executors import pool
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pool, "_ITEMS_FOR_POOL", 1000)
@@ -116,9 +116,9 @@ def with_report(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="session")
 def fitted() -> Calibration:
     """The fit of the sample's exact corners."""
-    from cubicfish_cli.core.fit import calibrate
-    from cubicfish_cli.core.io.observations_csv import load_corners
-    from cubicfish_cli.core.target import load_target
+    from cubicfish.fit import calibrate
+    from cubicfish.io.corners_csv import load_corners
+    from cubicfish.target.target import load_target
 
     target = load_target(SAMPLE / "target.yaml")
     pairs = load_corners(SAMPLE / "true_corners.csv", target)
@@ -128,7 +128,7 @@ def fitted() -> Calibration:
 @pytest.fixture
 def quick_fit(fitted: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let ``cubicfish calibrate`` give that fit at once, whatever its input."""
-    from cubicfish_cli.core.fit import calibrate
+    from cubicfish.fit import calibrate
 
     monkeypatch.setattr(calibrate, "calibrate", lambda pairs, **options: fitted)
 
@@ -136,7 +136,7 @@ def quick_fit(fitted: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="session")
 def calibrated(fitted: Calibration, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the calibration of the sample's exact corners. Do not write into it."""
-    from cubicfish_cli.core.fit import calibrate
+    from cubicfish.fit import calibrate
 
     folder = tmp_path_factory.mktemp("calibrated") / "calibration"
     corners, target = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"

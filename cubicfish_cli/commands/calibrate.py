@@ -13,24 +13,26 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.extensions import Output, extensions
-from cubicfish_cli.app.films import MOST
-from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.pages import PAGE
-from cubicfish_cli.app.paths import check_inputs, path_or_none, paths_of, tables_among
-from cubicfish_cli.app.run import RUN, Run, made_at, made_by_record
-from cubicfish_cli.app.target_source import TargetSource
-from cubicfish_cli.app.terminal import figures, parameters
-from cubicfish_cli.app.terminal.parameters import (
+from cubicfish.errors import OutputError, UsageError
+from cubicfish.files.whole_files import Content, StrPath, refuse_existing, write_files
+from cubicfish_cli.extension_table import Output, extensions
+from cubicfish_cli.films import MOST
+from cubicfish_cli.inputs.paths import check_inputs, path_or_none, paths_of, tables_among
+from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.listener import Event
+from cubicfish_cli.render import drawing as extra
+from cubicfish_cli.render.pages import PAGE
+from cubicfish_cli.run import RUN, Run, made_at, made_by_record
+from cubicfish_cli.terminal import figures, parameters
+from cubicfish_cli.terminal.parameters import (
     DEFAULT_MODEL,
     as_command,
     option,
     record,
     target_options,
 )
-from cubicfish_cli.app.terminal.progress import How, report_left_out
-from cubicfish_cli.app.terminal.terminal import (
+from cubicfish_cli.terminal.progress import How, report_left_out
+from cubicfish_cli.terminal.terminal import (
     apart,
     detail,
     print_message,
@@ -38,20 +40,18 @@ from cubicfish_cli.app.terminal.terminal import (
     print_wrote,
     result,
 )
-from cubicfish_cli.app.words.phrases import counted, plural
-from cubicfish_cli.core.errors import OutputError, UsageError
-from cubicfish_cli.core.files import Content, StrPath, refuse_existing, write_files
+from cubicfish_cli.words.phrases import counted, plural
 
 if TYPE_CHECKING:
-    from cubicfish_cli.app.inputs import Inputs
-    from cubicfish_cli.app.lenses.point_fit import PointCalibration
-    from cubicfish_cli.core.assess.fit_record import FitRecord
-    from cubicfish_cli.core.assess.verdict import Verdict
-    from cubicfish_cli.core.fit.calibration import Calibration
-    from cubicfish_cli.core.fit.model_selection import RefineTarget
-    from cubicfish_cli.core.lenses.cubic import CubicCamera
-    from cubicfish_cli.core.observations import Observations
-    from cubicfish_cli.core.target import Target
+    from cubicfish.fit.calibration import Calibration
+    from cubicfish.fit.model_selection import RefineTarget
+    from cubicfish.judge.fit_record import FitRecord
+    from cubicfish.judge.verdict import Verdict
+    from cubicfish.models.cubic import CubicCamera
+    from cubicfish.target.observations import Observations
+    from cubicfish.target.target import Target
+    from cubicfish_cli.foreign.point_fit import PointCalibration
+    from cubicfish_cli.observe import Inputs
 
 _LONGEST_TITLE = 100
 
@@ -207,9 +207,9 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
     if options.most is not None and (pairs is not None or tables_among(paths)):
         raise UsageError("--most goes with photos and films, not with CSV files")
     made_at()  # an unusable date is an error before the work, not after
-    from cubicfish_cli.app.inputs import load_inputs, recorded_as
-    from cubicfish_cli.app.sufficiency.sufficiency import summary
-    from cubicfish_cli.core.fit.calibration import Calibration
+    from cubicfish.fit.calibration import Calibration
+    from cubicfish_cli.observe import load_inputs, recorded_as
+    from cubicfish_cli.sufficiency.sufficiency import summary
 
     read = [path for path in (*paths, source.path, pairs) if path is not None]
     more = {kind: made for one in extensions() for kind, made in one.outputs.items()}
@@ -247,7 +247,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
     how: dict[str, Any] = {"hold_out": options.hold_out}
     fitted: Calibration | PointCalibration
     if options.lift == "point":
-        from cubicfish_cli.app.lenses.point_fit import calibrate_points
+        from cubicfish_cli.foreign.point_fit import calibrate_points
 
         run.listener.progress("Fitting")
         fitted, how = calibrate_points(loaded.pairs, **how), {"lift": options.lift}
@@ -307,9 +307,9 @@ def _make_contents(
 
     ``map`` is None where it would take gigabytes.
     """
-    from cubicfish_cli.core.fit.calibration import Calibration
-    from cubicfish_cli.core.io.observations_csv import corners_text
-    from cubicfish_cli.core.target import target_text
+    from cubicfish.fit.calibration import Calibration
+    from cubicfish.io.corners_csv import corners_text
+    from cubicfish.target.target import target_text
 
     contents: dict[str, Content | None] = {"drawn": nominal, "camera": fitted.text()}
     if corners is not None:
@@ -322,10 +322,10 @@ def _make_contents(
 
 
 def _make_map(camera: CubicCamera) -> Content | None:
-    from cubicfish_cli.app.photos import MAX_PIXELS
-    from cubicfish_cli.app.undistortion.choose import build_view
-    from cubicfish_cli.app.undistortion.map_formats import MapInBands, write_npz
-    from cubicfish_cli.core.views.maps import build_map
+    from cubicfish.views.maps import build_map
+    from cubicfish_cli.photos.photos import MAX_PIXELS
+    from cubicfish_cli.undistortion.choose import build_view
+    from cubicfish_cli.undistortion.map_formats import MapInBands, write_npz
 
     if math.prod(camera.image_size) > MAX_PIXELS:
         return None
@@ -435,7 +435,7 @@ def _print_calibration(made: CalibratedFiles) -> None:
 
 
 def _print_figures(fitted: Calibration | PointCalibration) -> None:
-    from cubicfish_cli.app.words.camera import pupil_meaning, scope
+    from cubicfish_cli.words.camera import pupil_meaning, scope
 
     fit, more = fitted.fit, list[tuple[str, float, str]]()
     result(

@@ -8,22 +8,22 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from cubicfish_cli.app.diagnosis.diagnose import find_faults
-from cubicfish_cli.app.listener import SILENT, Listener
-from cubicfish_cli.core.errors import CameraFileError, CorrespondenceError, FitError
-from cubicfish_cli.core.files import write_files
-from cubicfish_cli.core.fit import calibrate as fitting
-from cubicfish_cli.core.fit.calibration import Calibration
-from cubicfish_cli.core.fit.model_selection import RefineTarget
-from cubicfish_cli.core.io.camera_yaml import Calibrated, CameraFile
-from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target, target_text
-from cubicfish_cli.core.wording import did_you_mean, quoted
-from cubicfish_cli.corners.identification.identified import Detection
+from cubicfish.errors import CameraFileError, CorrespondenceError, FitError
+from cubicfish.files.whole_files import write_files
+from cubicfish.find.identification.identified import Detection
+from cubicfish.fit import calibrate as fitting
+from cubicfish.fit.calibration import Calibration
+from cubicfish.fit.model_selection import RefineTarget
+from cubicfish.io.camera_yaml import Calibrated, CameraFile
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target, target_text
+from cubicfish.wording import did_you_mean, quoted
+from cubicfish_cli.diagnosis.diagnose import find_faults
+from cubicfish_cli.listener import SILENT, Listener
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.fit.evaluate import Evaluation
+    from cubicfish.fit.evaluate import Evaluation
 
 
 def observed(given: Observations | Detection, target: Target | None) -> Observations:
@@ -111,7 +111,7 @@ def evaluate(
             or no corner lies in the camera's field.
 
     """
-    from cubicfish_cli.core.fit.evaluate import evaluate as measure  # for this alone
+    from cubicfish.fit.evaluate import evaluate as measure  # for this alone
 
     return measure(camera, observed(corners, target))
 

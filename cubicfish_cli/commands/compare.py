@@ -6,18 +6,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.paths import in_folder, path_or_none
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.figures import enforce_max_rms, print_figure, print_spread, px
-from cubicfish_cli.app.terminal.parameters import as_command, option, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_table, result
-from cubicfish_cli.core.errors import UsageError
-from cubicfish_cli.core.files import StrPath, refuse_existing
+from cubicfish.errors import UsageError
+from cubicfish.files.whole_files import StrPath, refuse_existing
+from cubicfish_cli.inputs.paths import in_folder, path_or_none
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.figures import enforce_max_rms, print_figure, print_spread, px
+from cubicfish_cli.terminal.parameters import as_command, option, record
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import print_table, result
 
 if TYPE_CHECKING:
-    from cubicfish_cli.app.comparison import Comparison
+    from cubicfish_cli.comparison import Comparison
 
 _DRAWN_PIXELS = 150_000
 
@@ -73,9 +73,9 @@ def compare_files(options: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
         OutputError: the picture exists and may not be replaced, or cannot be written.
 
     """
-    from cubicfish_cli.app.comparison import compare
-    from cubicfish_cli.app.undistortion.images import check_suffix, write_picture
-    from cubicfish_cli.core.io.camera_keys import read_camera
+    from cubicfish.io.camera_keys import read_camera
+    from cubicfish_cli.comparison import compare
+    from cubicfish_cli.undistortion.images import check_suffix, write_picture
 
     path = path_or_none(options.picture)
     if path is not None:
@@ -94,7 +94,7 @@ def _draw_picture(comparison: Comparison) -> Any:
     """Draw the length of the difference at every pixel of the first camera, in colours."""
     import numpy as np
 
-    from cubicfish_cli.app.difference_picture import difference_picture
+    from cubicfish_cli.render.difference_picture import difference_picture
 
     width, height = comparison.first.image_size
     # Differences are smooth: one per small block is enough.

@@ -7,19 +7,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.paths import named_photos, paths_of
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.target_source import TargetSource
-from cubicfish_cli.app.terminal import figures, parameters
-from cubicfish_cli.app.terminal.parameters import as_command, option, record, target_options
-from cubicfish_cli.app.terminal.progress import How, report_found
-from cubicfish_cli.app.terminal.terminal import print_message, result
-from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.files import StrPath
+from cubicfish.files.whole_files import StrPath
+from cubicfish_cli.inputs.paths import named_photos, paths_of
+from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import figures, parameters
+from cubicfish_cli.terminal.parameters import as_command, option, record, target_options
+from cubicfish_cli.terminal.progress import How, report_found
+from cubicfish_cli.terminal.terminal import print_message, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.target import Target
-    from cubicfish_cli.corners.identification.identified import Detection
+    from cubicfish.find.identification.identified import Detection
+    from cubicfish.target.target import Target
 
 _FEW_CORNERS = 20
 
@@ -98,12 +98,12 @@ def detect_files(options: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
     """
     source, file = TargetSource.of(options.target), Path(options.table)
     source.check()
-    from cubicfish_cli.app.detection import drawings, find_corners
-    from cubicfish_cli.app.overlay import draw_found
-    from cubicfish_cli.app.photos import read_grey
-    from cubicfish_cli.app.undistortion.images import write_picture
-    from cubicfish_cli.core.files import refuse_existing
-    from cubicfish_cli.core.io.observations_csv import save_corners
+    from cubicfish.files.whole_files import refuse_existing
+    from cubicfish.io.corners_csv import save_corners
+    from cubicfish_cli.detection.detection import drawings, find_corners
+    from cubicfish_cli.photos.photos import read_grey
+    from cubicfish_cli.render.overlay import draw_found
+    from cubicfish_cli.undistortion.images import write_picture
 
     refuse_existing(file, overwrite=run.overwrite)
     found = named_photos(paths_of(options.photos), run.listener)

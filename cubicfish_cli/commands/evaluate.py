@@ -8,25 +8,25 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.paths import check_inputs, in_folder, paths_of
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.target_source import TargetSource
-from cubicfish_cli.app.terminal import figures, parameters
-from cubicfish_cli.app.terminal.parameters import as_command, record, target_options
-from cubicfish_cli.app.terminal.progress import How, report_found, report_left_out
-from cubicfish_cli.app.terminal.terminal import print_message, result
-from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.files import StrPath
+from cubicfish.files.whole_files import StrPath
+from cubicfish_cli.inputs.paths import check_inputs, in_folder, paths_of
+from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import figures, parameters
+from cubicfish_cli.terminal.parameters import as_command, record, target_options
+from cubicfish_cli.terminal.progress import How, report_found, report_left_out
+from cubicfish_cli.terminal.terminal import print_message, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish_cli.app.inputs import Inputs
-    from cubicfish_cli.core.assess.fit_record import FitRecord
-    from cubicfish_cli.core.assess.uncertainty import PixelUncertainty
-    from cubicfish_cli.core.assess.verdict import Verdict
-    from cubicfish_cli.core.fit.evaluate import Evaluation
-    from cubicfish_cli.core.io.camera_yaml import CameraFile
-    from cubicfish_cli.core.lenses.cubic import CubicCamera
-    from cubicfish_cli.core.target import Target
+    from cubicfish.fit.evaluate import Evaluation
+    from cubicfish.io.camera_yaml import CameraFile
+    from cubicfish.judge.fit_record import FitRecord
+    from cubicfish.judge.uncertainty import PixelUncertainty
+    from cubicfish.judge.verdict import Verdict
+    from cubicfish.models.cubic import CubicCamera
+    from cubicfish.target.target import Target
+    from cubicfish_cli.observe import Inputs
 
 
 @record
@@ -72,7 +72,7 @@ class EvaluatedFiles:
 
     def as_record(self) -> dict[str, Any]:
         """Return plain data: what ``cubicfish evaluate --json`` prints."""
-        from cubicfish_cli.core.assess.records import plain_record
+        from cubicfish.judge.records import plain_record
 
         uncertainty = {"uncertainty": plain_record(self.uncertainty)}
         return {**self.evaluation.as_record(), **uncertainty, **self.inputs.remarks()}
@@ -88,10 +88,10 @@ def evaluate_files(options: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFile
     """
     paths, source = paths_of(options.inputs), TargetSource.of(options.target)
     check_inputs(paths, source, run, image_size=options.image_size)
-    from cubicfish_cli.app.inputs import load_inputs
-    from cubicfish_cli.core.assess.verdict import evaluation_verdict
-    from cubicfish_cli.core.fit.evaluate import evaluate
-    from cubicfish_cli.core.io.camera_yaml import load_camera
+    from cubicfish.fit.evaluate import evaluate
+    from cubicfish.io.camera_yaml import load_camera
+    from cubicfish.judge.verdict import evaluation_verdict
+    from cubicfish_cli.observe import load_inputs
 
     file = load_camera(in_folder(Path(options.camera)))
     size = file.camera.image_size
@@ -114,7 +114,7 @@ def _match_target(file: CameraFile, loaded: Inputs, source: TargetSource) -> Fit
 
     If the target was refined, the nominal one leaves errors that are not the camera's.
     """
-    from cubicfish_cli.app.inputs import recorded_as
+    from cubicfish_cli.observe import recorded_as
 
     fit, given, nominal = file.fit, file.origin.target, loaded.nominal(source)
     digest = loaded.target_file and loaded.target_file.sha256
@@ -158,8 +158,8 @@ def command(made: EvaluatedFiles, given: EvaluateOptions, how: How) -> None:
 
 def report_unplaced(photos: Sequence[str], of: str = "") -> None:
     """Say which photos could not be placed; ``of`` names the camera."""
-    from cubicfish_cli.core.codes import Code, Severity
-    from cubicfish_cli.core.finding import Finding
+    from cubicfish.judge.codes import Code, Severity
+    from cubicfish.judge.finding import Finding
 
     too_few = Finding(code=Code.TOO_FEW_CORNERS, severity=Severity.CARE)
     report_left_out(dict.fromkeys(photos, too_few), of)

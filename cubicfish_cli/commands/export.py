@@ -8,15 +8,15 @@ from typing import Any
 
 import click
 
-from cubicfish_cli.app.extensions import written_formats
-from cubicfish_cli.app.paths import in_folder
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.parameters import FloatRange, as_command, option, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_message, print_wrote, result
-from cubicfish_cli.core.errors import UsageError
-from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
+from cubicfish.errors import UsageError
+from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
+from cubicfish_cli.extension_table import written_formats
+from cubicfish_cli.inputs.paths import in_folder
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import print_message, print_wrote, result
 
 # Maps have no lens model, and so are not among the registered formats.
 FORMATS = {
@@ -116,11 +116,11 @@ def export_files(options: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish_cli.app.undistortion.choose import build_view
-    from cubicfish_cli.app.undistortion.map_formats import save_map
+    from cubicfish.io.camera_yaml import load_camera
+    from cubicfish.views.maps import build_map
     from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, printed
-    from cubicfish_cli.core.io.camera_yaml import load_camera
-    from cubicfish_cli.core.views.maps import build_map
+    from cubicfish_cli.undistortion.choose import build_view
+    from cubicfish_cli.undistortion.map_formats import save_map
 
     to, path = options.to, in_folder(Path(options.camera))
     for name, given in (("--max-error", options.max_error), ("--max-angle", options.max_angle_deg)):

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish.errors import CubicfishError, FitError
+from cubicfish.io.camera_yaml import Calibrated
+from cubicfish.wording import did_you_mean, quoted
 from cubicfish_cli import __version__
-from cubicfish_cli.app.extensions import written_formats
-from cubicfish_cli.app.lenses.file_contents import PlacedLens
-from cubicfish_cli.app.lenses.foreign_files import OWN_FIELD
-from cubicfish_cli.app.lenses.to_lens import Conversion, to_lens
-from cubicfish_cli.app.viewpoints.truth import rotation_matrix
-from cubicfish_cli.core.errors import CubicfishError, FitError
-from cubicfish_cli.core.io.camera_yaml import Calibrated
-from cubicfish_cli.core.wording import did_you_mean, quoted
+from cubicfish_cli.extension_table import written_formats
+from cubicfish_cli.foreign.file_contents import PlacedLens
+from cubicfish_cli.foreign.foreign_files import OWN_FIELD
+from cubicfish_cli.foreign.to_lens import Conversion, to_lens
+from cubicfish_cli.viewpoints.truth import rotation_matrix
 
 # Of formats of one tool, the one that follows decentred lenses best.
 _NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omni"}

@@ -7,18 +7,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.paths import in_folder
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.figures import print_verdict, px
-from cubicfish_cli.app.terminal.parameters import as_command, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import result
-from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.files import StrPath
+from cubicfish.files.whole_files import StrPath
+from cubicfish_cli.inputs.paths import in_folder
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.figures import print_verdict, px
+from cubicfish_cli.terminal.parameters import as_command, record
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.io.camera_yaml import CameraRecord
+    from cubicfish.io.camera_yaml import CameraRecord
 
 
 @record
@@ -43,7 +43,7 @@ class CameraInfo:
 
     def as_record(self) -> dict[str, Any]:
         """Return plain data: what ``cubicfish info --json`` prints."""
-        from cubicfish_cli.core.assess.records import plain_record
+        from cubicfish.judge.records import plain_record
 
         known = self.known
         fit, seen, origin = known.fit, known.field, known.origin
@@ -83,7 +83,7 @@ def info_files(options: InfoOptions, *, run: Run = RUN) -> CameraInfo:
         CameraFileError: the file cannot be used.
 
     """
-    from cubicfish_cli.core.io.camera_yaml import load_any_camera
+    from cubicfish.io.camera_yaml import load_any_camera
 
     path = in_folder(Path(options.camera))
     return CameraInfo(model=path, known=load_any_camera(path))
@@ -117,7 +117,7 @@ def command(made: CameraInfo, given: InfoOptions, how: How) -> None:
 
 def _list_rows(known: CameraRecord) -> list[tuple[str, str]]:
     """Return rows (name, words) of all known figures."""
-    from cubicfish_cli.app.words.camera import lens_rows, pictures_of
+    from cubicfish_cli.words.camera import lens_rows, pictures_of
 
     fit, origin, pictures = known.fit, known.origin, pictures_of(known.fit)
     rows = [("size", "{} x {} px".format(*known.camera.image_size)), *lens_rows(known)]

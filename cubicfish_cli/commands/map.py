@@ -8,21 +8,21 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.paths import in_folder
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.parameters import as_command, option, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_message, print_wrote, result
-from cubicfish_cli.app.undistortion.options import ViewOptions
+from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
 from cubicfish_cli.commands.view_options import report_unseen, view_options
-from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
+from cubicfish_cli.inputs.paths import in_folder
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.parameters import as_command, option, record
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import print_message, print_wrote, result
+from cubicfish_cli.undistortion.options import ViewOptions
 
 if TYPE_CHECKING:
-    from cubicfish_cli.app.undistortion.choose import ChosenView
-    from cubicfish_cli.app.undistortion.map_formats import MapInBands
-    from cubicfish_cli.core.files import Content
-    from cubicfish_cli.core.views.view import View
+    from cubicfish.files.whole_files import Content
+    from cubicfish.views.view import View
+    from cubicfish_cli.undistortion.choose import ChosenView
+    from cubicfish_cli.undistortion.map_formats import MapInBands
 
 _HELP = """Write where in the photo each pixel of a view comes from, and the camera of the view.
 
@@ -88,7 +88,7 @@ class MapFiles:
     @property
     def ffmpeg(self) -> list[str]:
         """The commands that apply maps in .pgm; none for others."""
-        from cubicfish_cli.app.undistortion.map_formats import ffmpeg_command
+        from cubicfish_cli.undistortion.map_formats import ffmpeg_command
 
         pairs = [path for path in self.own if path.suffix.lower() == ".pgm"]
         return [ffmpeg_command(*both) for both in zip(pairs[::2], pairs[1::2], strict=True)]
@@ -114,14 +114,14 @@ def map_files(options: MapOptions, *, run: Run = RUN) -> MapFiles:
             not be replaced.
 
     """
-    from cubicfish_cli.app.undistortion.choose import chosen_view
-    from cubicfish_cli.app.undistortion.map_formats import (
+    from cubicfish.io.camera_keys import read_camera
+    from cubicfish.views.maps import build_map, camera_for_photos
+    from cubicfish_cli.undistortion.choose import chosen_view
+    from cubicfish_cli.undistortion.map_formats import (
         MapInBands,
         build_redistort_map,
         map_paths,
     )
-    from cubicfish_cli.core.io.camera_keys import read_camera
-    from cubicfish_cli.core.views.maps import build_map, camera_for_photos
 
     goal, view = Path(options.output), options.view
     plan = map_paths(goal, view.parts if isinstance(view, ViewOptions) else ("",))
@@ -170,7 +170,7 @@ def write_maps(
         more: other files to write with them.
 
     """
-    from cubicfish_cli.app.undistortion.map_formats import map_contents, view_files
+    from cubicfish_cli.undistortion.map_formats import map_contents, view_files
 
     files: dict[Path, Content] = {}
     for part, paths in plan.items():

@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.listener import SILENT
-from cubicfish_cli.app.paths import path_or_none
-from cubicfish_cli.app.photos import SUFFIXES, VIDEO_SUFFIXES, shown
-from cubicfish_cli.app.run import Run
-from cubicfish_cli.app.undistortion.batch import Job, Views, write_many
-from cubicfish_cli.app.undistortion.choose import ChosenView
-from cubicfish_cli.app.undistortion.images import check_suffix, part_name
-from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError, ViewError
-from cubicfish_cli.core.files import Content, refuse_existing, refuse_outside, write_files
+from cubicfish.errors import CubicfishError, OutputError, UsageError, ViewError
+from cubicfish.files.whole_files import Content, refuse_existing, refuse_outside, write_files
+from cubicfish_cli.inputs.paths import path_or_none
+from cubicfish_cli.listener import SILENT
+from cubicfish_cli.photos.photos import SUFFIXES, VIDEO_SUFFIXES, shown
+from cubicfish_cli.run import Run
+from cubicfish_cli.undistortion.batch import Job, Views, write_many
+from cubicfish_cli.undistortion.choose import ChosenView
+from cubicfish_cli.undistortion.images import check_suffix, part_name
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish_cli.commands.undistort import PictureOptions
@@ -71,9 +71,9 @@ class UndistortedFiles:
 
 def _record_failure(name: str, error: CubicfishError) -> dict[str, Any]:
     """Return a failure as plain data: a finding, and its name and problem."""
-    from cubicfish_cli.app.words.catalogue import write_error
-    from cubicfish_cli.core.codes import Code, Severity
-    from cubicfish_cli.core.finding import Finding
+    from cubicfish.judge.codes import Code, Severity
+    from cubicfish.judge.finding import Finding
+    from cubicfish_cli.words.catalogue import write_error
 
     problem = write_error(error)
     failed = Finding(
@@ -208,7 +208,7 @@ def write_pictures(plan: Plan, views: Views, *, model: Path | None) -> Undistort
                 "these photos have a mask and a virtual camera each, since their sizes or planes "
                 "differ: do them one at a time"
             )
-        from cubicfish_cli.app.undistortion.map_formats import view_files
+        from cubicfish_cli.undistortion.map_formats import view_files
 
         source = sources[0].source
         maps = views.maps(source, views.size_of(source))

@@ -6,22 +6,22 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.app.detection import first_pass
-from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.photos import Photo
-from cubicfish_cli.app.run import Run
-from cubicfish_cli.app.target_source import target_in
-from cubicfish_cli.app.undistortion.batch import Size, Views
-from cubicfish_cli.app.undistortion.choose import ChosenView
-from cubicfish_cli.app.undistortion.options import PlaneOptions
-from cubicfish_cli.core.assess.fit_record import FitRecord
-from cubicfish_cli.core.errors import UsageError, ViewError
-from cubicfish_cli.core.fit.evaluate import evaluate
-from cubicfish_cli.core.io.camera_yaml import Calibrated, load_any_camera
-from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.views.maps import camera_for_photos
-from cubicfish_cli.core.views.plane import board_with_plane, build_plane
-from cubicfish_cli.core.views.view import PointProjector, matrix_of_rotation
+from cubicfish.errors import UsageError, ViewError
+from cubicfish.fit.evaluate import evaluate
+from cubicfish.io.camera_yaml import Calibrated, load_any_camera
+from cubicfish.judge.fit_record import FitRecord
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.views.maps import camera_for_photos
+from cubicfish.views.plane import board_with_plane, build_plane
+from cubicfish.views.view import PointProjector, matrix_of_rotation
+from cubicfish_cli.detection.detection import first_pass
+from cubicfish_cli.inputs.target_source import target_in
+from cubicfish_cli.listener import Event
+from cubicfish_cli.photos.photos import Photo
+from cubicfish_cli.run import Run
+from cubicfish_cli.undistortion.batch import Size, Views
+from cubicfish_cli.undistortion.choose import ChosenView
+from cubicfish_cli.undistortion.options import PlaneOptions
 
 
 class PlaneViews(Views):

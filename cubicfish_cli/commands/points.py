@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.app.paths import in_folder
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.parameters import as_command, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import echo, print_message
-from cubicfish_cli.core.errors import CorrespondenceError, UsageError
-from cubicfish_cli.core.files import StrPath
-from cubicfish_cli.core.reading import read_bytes
-from cubicfish_cli.core.wording import quoted
+from cubicfish.errors import CorrespondenceError, UsageError
+from cubicfish.files.reading import read_bytes
+from cubicfish.files.whole_files import StrPath
+from cubicfish.wording import quoted
+from cubicfish_cli.inputs.paths import in_folder
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.parameters import as_command, record
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import echo, print_message
 
 if TYPE_CHECKING:
     import numpy as np
@@ -166,7 +166,7 @@ def project_points(options: ProjectOptions, *, run: Run = RUN) -> Points:
         CubicfishError: the camera or the points cannot be used.
 
     """
-    from cubicfish_cli.core.io.camera_yaml import PointCameraFile, load_any_camera
+    from cubicfish.io.camera_yaml import PointCameraFile, load_any_camera
 
     loaded = load_any_camera(in_folder(Path(options.camera)))
     if isinstance(loaded, PointCameraFile) and options.near:
@@ -228,7 +228,7 @@ def unproject_points(options: UnprojectOptions, *, run: Run = RUN) -> Points:
         CubicfishError: the camera or the pixels cannot be used.
 
     """
-    from cubicfish_cli.core.io.camera_keys import read_camera
+    from cubicfish.io.camera_keys import read_camera
 
     camera = read_camera(in_folder(Path(options.camera)))
     read = read_points(Path(options.pixels), ("x", "y"))

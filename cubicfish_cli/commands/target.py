@@ -9,29 +9,29 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.paths import path_or_none
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.target_source import target_in
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.main import LazyGroup
-from cubicfish_cli.app.terminal.parameters import (
+from cubicfish.errors import OutputError, UsageError
+from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
+from cubicfish_cli.inputs.paths import path_or_none
+from cubicfish_cli.inputs.target_source import target_in
+from cubicfish_cli.render import drawing as extra
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.main import LazyGroup
+from cubicfish_cli.terminal.parameters import (
     as_command,
     common_options,
     examples,
     option,
     record,
 )
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_table, result
-from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.errors import OutputError, UsageError
-from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import print_table, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish_cli.app.diagnosis.object_check import ObjectFacts, Turn
-    from cubicfish_cli.core.boards.board import Board
-    from cubicfish_cli.core.target import Target
+    from cubicfish.target.boards.board import Board
+    from cubicfish.target.target import Target
+    from cubicfish_cli.diagnosis.object_check import ObjectFacts, Turn
 
 _LABEL = 12
 # More examples than this are not read.
@@ -98,7 +98,7 @@ def check_target(target: Target) -> TargetCheck:
         target: the target, as it is printed.
 
     """
-    from cubicfish_cli.app.diagnosis.object_check import check_object
+    from cubicfish_cli.diagnosis.object_check import check_object
 
     facts = check_object(target)
     return TargetCheck(target=target, facts=facts, advice=_advise(target, facts))
@@ -145,8 +145,8 @@ def _advise(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
 
 
 def _write_check(key: str, **figures: Any) -> str:
-    from cubicfish_cli.app.words.catalogue import catalogue
-    from cubicfish_cli.app.words.phrases import Sentences
+    from cubicfish_cli.words.catalogue import catalogue
+    from cubicfish_cli.words.phrases import Sentences
 
     return Sentences().vformat(catalogue().checks[key], (), figures)
 
@@ -177,7 +177,7 @@ def _advise_on_names(target: Target, facts: ObjectFacts) -> Iterator[str]:
 
 def _advise_on_sizes(target: Target) -> Iterator[str]:
     """Doubt lengths that look like those of another unit."""
-    from cubicfish_cli.core.units import MILLIMETRES
+    from cubicfish.units import MILLIMETRES
 
     factor = MILLIMETRES.get(target.units.lower(), 0.0)
     for board in target.boards:
@@ -217,7 +217,7 @@ def check_target_files(options: CheckOptions, *, run: Run = RUN) -> TargetCheck:
     checked = check_target(loaded)
     if path is not None:
         with extra.quiet():
-            from cubicfish_cli.app.target_drawing import object_svg
+            from cubicfish_cli.render.target_drawing import object_svg
         write_files({path: object_svg(loaded)}, overwrite=run.overwrite)
     return replace(checked, drawing=path)
 

@@ -9,17 +9,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.paths import in_folder
-from cubicfish_cli.app.run import RUN, Run, made_by_record
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.parameters import FloatRange, Parsed, as_command, option, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_wrote, result
-from cubicfish_cli.core.errors import UsageError, ViewError
-from cubicfish_cli.core.files import StrPath
+from cubicfish.errors import UsageError, ViewError
+from cubicfish.files.whole_files import StrPath
+from cubicfish_cli.inputs.paths import in_folder
+from cubicfish_cli.run import RUN, Run, made_by_record
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.parameters import FloatRange, Parsed, as_command, option, record
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import print_wrote, result
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.io.camera_yaml import CameraFile
+    from cubicfish.io.camera_yaml import CameraFile
 
 # Pixels: a scale is written with some digits, and photos have whole sizes.
 _WHOLE_PX = 0.01
@@ -105,8 +105,8 @@ def transform_camera(camera: CameraFile, *, crop: Crop | None, scale: float) -> 
     """
     import numpy as np
 
-    from cubicfish_cli.core.assess.fit_record import fit_record
-    from cubicfish_cli.core.io.camera_yaml import CameraFile
+    from cubicfish.io.camera_yaml import CameraFile
+    from cubicfish.judge.fit_record import fit_record
 
     old = camera.camera
     left = crop or Crop(0, 0, *old.image_size)
@@ -185,9 +185,9 @@ def transform_files(options: TransformOptions, *, run: Run = RUN) -> Transformed
         CubicfishError: the camera cannot be read, or its file exists and may not be replaced.
 
     """
-    from cubicfish_cli.app.fingerprint import fingerprint
-    from cubicfish_cli.core.files import refuse_existing
-    from cubicfish_cli.core.io.camera_yaml import load_camera
+    from cubicfish.files.whole_files import refuse_existing
+    from cubicfish.io.camera_yaml import load_camera
+    from cubicfish_cli.fingerprint import fingerprint
 
     path, goal = in_folder(Path(options.camera)), Path(options.output)
     refuse_existing(goal, overwrite=run.overwrite)

@@ -10,33 +10,33 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.app.paths import in_folder, named_photos, paths_of
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.parameters import as_command, option, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_always, print_message, print_wrote, result
-from cubicfish_cli.app.undistortion.options import (
-    INTERPOLATIONS,
-    Interpolation,
-    PlaneOptions,
-    ViewOptions,
-)
-from cubicfish_cli.app.words.phrases import plural
+from cubicfish.errors import OutputError, PhotoError, UsageError
+from cubicfish.files.whole_files import StrPath
 from cubicfish_cli.commands.view_options import (
     report_unseen,
     view_options,
     view_or_plane_options,
 )
-from cubicfish_cli.core.errors import OutputError, PhotoError, UsageError
-from cubicfish_cli.core.files import StrPath
+from cubicfish_cli.inputs.paths import in_folder, named_photos, paths_of
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.parameters import as_command, option, record
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import print_always, print_message, print_wrote, result
+from cubicfish_cli.undistortion.options import (
+    INTERPOLATIONS,
+    Interpolation,
+    PlaneOptions,
+    ViewOptions,
+)
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish_cli.app.undistortion.batch import Views
+    from cubicfish.io.camera_yaml import Calibrated
+    from cubicfish.models.cubic import CubicCamera
+    from cubicfish.views.view import View
     from cubicfish_cli.commands.pictures import UndistortedFiles
-    from cubicfish_cli.core.io.camera_yaml import Calibrated
-    from cubicfish_cli.core.lenses.cubic import CubicCamera
-    from cubicfish_cli.core.views.view import View
+    from cubicfish_cli.undistortion.batch import Views
 
 _WITH_QUALITY = {".jpg", ".jpeg", ".webp"}
 _FEW = 10
@@ -164,10 +164,10 @@ def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> Undistorted
         CubicfishError: the camera, the target or the executor cannot be used.
 
     """
-    from cubicfish_cli.app.undistortion.batch import Views
+    from cubicfish.io.camera_keys import read_camera
+    from cubicfish.models.cubic import CubicCamera
     from cubicfish_cli.commands.pictures import plan_pictures, write_pictures
-    from cubicfish_cli.core.io.camera_keys import read_camera
-    from cubicfish_cli.core.lenses.cubic import CubicCamera
+    from cubicfish_cli.undistortion.batch import Views
 
     kind, sources, alone = _find_sources(named_sources(options.photos), run)
     photos = {name: (name, {"": one}) for name, one in sources}
@@ -191,7 +191,7 @@ def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> Undistorted
         known = read_camera(known) if isinstance(known, Path) else known
         camera = known if isinstance(known, CubicCamera) else known.camera
         if kind == "video":
-            from cubicfish_cli.app.undistortion.video import DEFAULT_CRF, VideoViews
+            from cubicfish_cli.undistortion.video import DEFAULT_CRF, VideoViews
 
             crf = DEFAULT_CRF if options.crf is None else options.crf
             views = VideoViews(camera, options.view, options.interpolation, crf, run.listener)
@@ -209,7 +209,7 @@ def _find_sources(names: Sequence[str], run: Run) -> tuple[str, list[tuple[str, 
         OutputError: two videos have one name.
 
     """
-    from cubicfish_cli.app.photos import VIDEO_SUFFIXES, expanded
+    from cubicfish_cli.photos.photos import VIDEO_SUFFIXES, expanded
 
     paths = [path for name in names for path in expanded(name)]
     videos = [one for one in paths if one.suffix.lower() in VIDEO_SUFFIXES and not one.is_dir()]
@@ -260,7 +260,7 @@ def print_pictures(made: UndistortedFiles, how: How) -> None:
     number, failures = len(made.written) + len(made.failures), list(made.failures.items())
     if not how.print(made):
         if failures and number > 1:
-            from cubicfish_cli.app.words.catalogue import write_error
+            from cubicfish_cli.words.catalogue import write_error
 
             for name, error in failures[:_FEW]:
                 shot = f"shot {name}: " if made.kind == "shot" else ""

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.app.terminal.parameters import (
+from cubicfish.errors import UsageError
+from cubicfish.wording import either
+from cubicfish_cli.terminal.parameters import (
     SIZE,
     FloatRange,
     bundle,
@@ -16,13 +18,11 @@ from cubicfish_cli.app.terminal.parameters import (
     target_option,
     target_path,
 )
-from cubicfish_cli.app.terminal.terminal import print_message
-from cubicfish_cli.app.undistortion.options import KINDS, PlaneOptions, ViewOptions
-from cubicfish_cli.core.errors import UsageError
-from cubicfish_cli.core.wording import either
+from cubicfish_cli.terminal.terminal import print_message
+from cubicfish_cli.undistortion.options import KINDS, PlaneOptions, ViewOptions
 
 if TYPE_CHECKING:
-    from cubicfish_cli.app.undistortion.choose import ChosenView
+    from cubicfish_cli.undistortion.choose import ChosenView
 
 _PLANE = "plane:"
 

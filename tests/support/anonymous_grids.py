@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.placement import TURNS
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.corners.detection.grids import Grid
-from cubicfish_cli.corners.identification.identified import Place
+from cubicfish.find.detection.grids import Grid
+from cubicfish.find.identification.identified import Place
+from cubicfish.target.observations import Observations
+from cubicfish.target.placement import TURNS
+from cubicfish.target.target import Target
 
 
 def anonymous(

@@ -1,6 +1,6 @@
 """A Kannala–Brandt lens, decentred (Brown, 1966) and with a sensor not square to its axis.
 
-It is not the cubic's formula, but that of the lens which P is held to (`core/fit/asymmetric.py`):
+It is not the cubic's formula, but that of the lens which P is held to (`fit/asymmetric.py`):
 what leans on the prior looks better with photos of such a lens than with those of real ones.
 """
 
@@ -14,17 +14,17 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.lenses.foreign_lens import FIXED, FocalLens
-from cubicfish_cli.core.angles import angle_from_axis, columns
-from cubicfish_cli.core.geometry import (
+from cubicfish.angles import angle_from_axis, columns
+from cubicfish.geometry import (
     decentring,
     decentring_slope,
     inverse_of_growing,
     kannala_brandt,
     kannala_brandt_slope,
 )
-from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.types import FloatArray
+from cubicfish.models.radial import RadialCamera
+from cubicfish.types import FloatArray
+from cubicfish_cli.foreign.foreign_lens import FIXED, FocalLens
 
 _CHECKED_ANGLES = 4096
 _DECENTRING_ROUNDS = 8

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from cubicfish_cli.app.terminal.main import cli
+from cubicfish_cli.terminal.main import cli
 
 Words = tuple[str, ...]
 

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.app.viewpoints.truth import rotation_matrix
-from cubicfish_cli.core.types import FloatArray
+from cubicfish.types import FloatArray
+from cubicfish_cli.viewpoints.truth import rotation_matrix
 
 _ROUNDS = 12
 _STEP = 1e-6  # of a difference that stands for a derivative, of the pinhole's slope

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from synthetic import lens_of_size
 
-from cubicfish_cli.app.undistortion.images import remap_picture
-from cubicfish_cli.core import files
-from cubicfish_cli.core.views.maps import build_map
-from cubicfish_cli.core.views.view import CentralView
+from cubicfish.files import whole_files as files
+from cubicfish.views.maps import build_map
+from cubicfish.views.view import CentralView
+from cubicfish_cli.undistortion.images import remap_picture
 
 LENS = lens_of_size(0.125)
 MAP = build_map(LENS, CentralView.with_field("perspective", 100, (40, 30)))

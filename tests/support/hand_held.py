@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
-from cubicfish_cli.app.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target
+from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 
 FloatArray = npt.NDArray[np.float64]
 

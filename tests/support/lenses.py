@@ -7,11 +7,11 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.core.fit.nearest_cubic import linear_ratios
-from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.lenses.lift import lift, sphere_basis
-from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.lenses.sphere import cone_rays
+from cubicfish.fit.nearest_cubic import linear_ratios
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.models.lift import lift, sphere_basis
+from cubicfish.models.radial import RadialCamera
+from cubicfish.models.sphere import cone_rays
 
 
 def radial_camera(

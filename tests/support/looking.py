@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.viewpoints.truth import Pose, pose_of_matrix
+from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix
 
 
 def look_at(

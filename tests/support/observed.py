@@ -6,10 +6,10 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from cubicfish_cli.core.boards.board import Board
-from cubicfish_cli.core.boards.types import Checkerboard
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target
+from cubicfish.target.boards.board import Board
+from cubicfish.target.boards.types import Checkerboard
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target
 
 SIZE = (1280, 800)
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cubicfish_cli.core.observations import Observations
+from cubicfish.target.observations import Observations
 
 
 def write_pairs(path: Path, pairs: Observations) -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from click.testing import CliRunner, Result
 
-from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.terminal.main import cli
+from cubicfish_cli.render import drawing as extra
+from cubicfish_cli.terminal.main import cli
 
 ROOT = Path(__file__).parents[2]
 SAMPLE = ROOT / "sample_data"

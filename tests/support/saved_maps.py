@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.core.views.view import CentralView, View
+from cubicfish.views.view import CentralView, View
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

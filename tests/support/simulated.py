@@ -24,11 +24,11 @@ import numpy as np
 import numpy.typing as npt
 from synthetic_lenses import SyntheticLens
 
-from cubicfish_cli.app.viewpoints.truth import AnyLens, Pose, project_corners
-from cubicfish_cli.app.viewpoints.views import WholeLens
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses
+from cubicfish_cli.viewpoints.truth import AnyLens, Pose, project_corners
+from cubicfish_cli.viewpoints.views import WholeLens
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -10,15 +10,15 @@ import numpy.typing as npt
 from simulated import CornerErrors, Truth, simulated_corners
 from synthetic_lenses import SyntheticLens
 
-from cubicfish_cli.app.viewpoints.truth import (
+from cubicfish.errors import TargetError
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target
+from cubicfish_cli.viewpoints.truth import (
     Pose,
     pose_of_matrix,
     project_corners,
     rotation_matrix,
 )
-from cubicfish_cli.core.errors import TargetError
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -7,10 +7,10 @@ import numpy as np
 from simulated import CornerErrors, simulated_corners
 from synthetic_lenses import synthetic_lens
 
-from cubicfish_cli.core.boards.shape import BoardShape
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.placement import renamed, symmetries
-from cubicfish_cli.core.target import Target
+from cubicfish.target.boards.shape import BoardShape
+from cubicfish.target.observations import Observations
+from cubicfish.target.placement import renamed, symmetries
+from cubicfish.target.target import Target
 
 LENS = synthetic_lens("equisolid", (800, 600))
 # Their corners are off together, as those of one photo are.

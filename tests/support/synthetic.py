@@ -10,17 +10,17 @@ import numpy.typing as npt
 from asymmetric_lens import AsymmetricLens
 from looking import look_at
 
-from cubicfish_cli.app.viewpoints.truth import (
+from cubicfish.target.boards.board import Board
+from cubicfish.target.boards.types import BOARD_TYPES, Checkerboard
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target
+from cubicfish_cli.viewpoints.truth import (
     AnyLens,
     Pose,
     TrueCorners,
     camera_points,
     project_corners,
 )
-from cubicfish_cli.core.boards.board import Board
-from cubicfish_cli.core.boards.types import BOARD_TYPES, Checkerboard
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target
 
 IMAGE_SIZE = (960, 720)
 TRUE_LENS = AsymmetricLens(

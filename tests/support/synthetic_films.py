@@ -23,18 +23,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.board_faces import board_face
-from cubicfish_cli.app.viewpoints.truth import (
-    MARGIN_SQUARES,
-    Pose,
-    project_corners,
-    rotation_matrix,
-)
-from cubicfish_cli.app.viewpoints.views import WanderingPupil, WholeLens
-from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.boards.board import Board
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+from cubicfish.angles import angle_from_axis
+from cubicfish.target.boards.board import Board
+from cubicfish.target.target import Target
+from cubicfish.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.extensions.simulation.simulate import (
     AMBIENT,
@@ -47,6 +39,14 @@ from cubicfish_cli.extensions.simulation.simulate import (
     sensed,
     vignette,
 )
+from cubicfish_cli.render.board_faces import board_face
+from cubicfish_cli.viewpoints.truth import (
+    MARGIN_SQUARES,
+    Pose,
+    project_corners,
+    rotation_matrix,
+)
+from cubicfish_cli.viewpoints.views import WanderingPupil, WholeLens
 
 Float32Array = npt.NDArray[np.float32]
 

@@ -2,7 +2,7 @@
 
 :class:`~asymmetric_lens.AsymmetricLens` has the formula of the lens that P is held
 to, so what it shows leans on the prior being right. The lenses here differ from it as real ones do,
-and none is a member of the cubic's family or of another model of :mod:`cubicfish_cli.core.lenses`:
+and none is a member of the cubic's family or of another model of :mod:`cubicfish.models`:
 
 - ``moving-pupil``: the entrance pupil wanders forward as rays come in from the side, so the camera
   is mildly non-central: where a point is seen depends on its distance.
@@ -25,10 +25,10 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.viewpoints.truth import rotation_matrix
-from cubicfish_cli.core.angles import angle_from_axis, columns
-from cubicfish_cli.core.types import BoolArray, FloatArray
-from cubicfish_cli.core.units import MILLIMETRES
+from cubicfish.angles import angle_from_axis, columns
+from cubicfish.types import BoolArray, FloatArray
+from cubicfish.units import MILLIMETRES
+from cubicfish_cli.viewpoints.truth import rotation_matrix
 
 # A point's angle and its pupil depend on each other: each round gains a factor of the distance
 # over the pupil's travel.

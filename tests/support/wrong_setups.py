@@ -15,11 +15,11 @@ import numpy.typing as npt
 import synthetic
 from asymmetric_lens import AsymmetricLens
 
-from cubicfish_cli.app.viewpoints.truth import Pose
-from cubicfish_cli.core.boards.shape import BoardShape
-from cubicfish_cli.core.io.observations_csv import save_corners
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target, target_text
+from cubicfish.io.corners_csv import save_corners
+from cubicfish.target.boards.shape import BoardShape
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target, target_text
+from cubicfish_cli.viewpoints.truth import Pose
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -13,8 +13,8 @@ import pytest
 import yaml
 
 import cubicfish_cli
-from cubicfish_cli.app.undistortion.images import write_picture
-from cubicfish_cli.core import reading
+from cubicfish.files import reading
+from cubicfish_cli.undistortion.images import write_picture
 
 SAMPLE = Path(__file__).parents[2] / "sample_data"
 TARGET, CORNERS = SAMPLE / "target.yaml", SAMPLE / "true_corners.csv"
@@ -168,8 +168,8 @@ def test_names_that_collide_once_their_kind_changes_do_not_replace_each_other(
         write_picture(here / name, np.zeros((4, 4), np.uint8), overwrite=False)
     arguments = ("detect", here, "--target", TARGET, "--draw", here / "seen", "--no-cache")
     run(*arguments, code=1)
-    from cubicfish_cli.app.detection import drawings
-    from cubicfish_cli.app.photos import find_photos
+    from cubicfish_cli.detection.detection import drawings
+    from cubicfish_cli.photos.photos import find_photos
 
     places = drawings(here / "seen", find_photos([here]))
     assert len(set(places.values())) == 3
@@ -293,8 +293,8 @@ def test_what_writes_into_folders_says_which():
     """Each module that writes several files says which folder they must be in."""
     by_users = {"calibrate.py", "map.py", "map_files.py"}  # no name is out of a file
     by_plan = {"batch.py"}  # writes what undistort has planned, and refused where it leads out
-    for path in Path(cubicfish_cli.__file__).parent.rglob("*.py"):
-        if path.name in {"files.py", *by_users, *by_plan} or path.parent.name == "advice":
+    for path in Path(cubicfish_cli.__file__).parents[1].glob("cubicfish*/**/*.py"):
+        if path.name in {"whole_files.py", *by_users, *by_plan} or path.parent.name == "advice":
             continue
         text = path.read_text(encoding="utf-8")
         for call in ast.walk(ast.parse(text)):

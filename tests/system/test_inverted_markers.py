@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 import yaml
 
-from cubicfish_cli.app.board_faces import board_face
-from cubicfish_cli.app.detection import first_pass
-from cubicfish_cli.app.executors.pool import Work
-from cubicfish_cli.app.photos import find_photos
-from cubicfish_cli.core.errors import DetectionError
-from cubicfish_cli.core.target import Target, target_text
-from cubicfish_cli.corners.detection.finder import find_grids
-from cubicfish_cli.corners.detection.grids import negative_grids, negative_photo
-from tests.corners.detection.test_markers import errors, find, mixed_photo, photo_of, wall
+from cubicfish.errors import DetectionError
+from cubicfish.find.detection.finder import find_grids
+from cubicfish.find.detection.grids import negative_grids, negative_photo
+from cubicfish.target.target import Target, target_text
+from cubicfish_cli.detection.detection import first_pass
+from cubicfish_cli.photos.executors.pool import Work
+from cubicfish_cli.photos.photos import find_photos
+from cubicfish_cli.render.board_faces import board_face
+from tests.cubicfish.find.detection.test_markers import errors, find, mixed_photo, photo_of, wall
 
 PLAIN = Target(
     units="mm",

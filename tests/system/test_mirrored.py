@@ -12,23 +12,23 @@ from scipy.spatial.transform import Rotation
 from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
-from cubicfish_cli.app.board_faces import board_face
-from cubicfish_cli.app.detection import first_pass
-from cubicfish_cli.app.diagnosis.object_faults import find_wrong_layout
-from cubicfish_cli.app.executors.pool import Work
-from cubicfish_cli.app.photos import find_photos
-from cubicfish_cli.core.boards.shape import BoardShape
-from cubicfish_cli.core.errors import TargetError
-from cubicfish_cli.core.fit.radial_reference import fit_radial
-from cubicfish_cli.core.fit.statistics import rms_px
-from cubicfish_cli.core.target import Target, target_text
-from cubicfish_cli.corners.detection.finder import find_grids
-from cubicfish_cli.corners.detection.grids import grid_in_mirror
-from cubicfish_cli.corners.detection.markers import find_marked_corners
-from cubicfish_cli.corners.identification.identified import Decided
-from cubicfish_cli.corners.identification.name_grids import name_grids
-from tests.corners.detection.test_markers import MIXED, POSE, errors, mixed_photo, photo_of
-from tests.corners.identification.test_name_grids import names, seen
+from cubicfish.errors import TargetError
+from cubicfish.find.detection.finder import find_grids
+from cubicfish.find.detection.grids import grid_in_mirror
+from cubicfish.find.detection.markers import find_marked_corners
+from cubicfish.find.identification.identified import Decided
+from cubicfish.find.identification.name_grids import name_grids
+from cubicfish.fit.radial_reference import fit_radial
+from cubicfish.solve.statistics import rms_px
+from cubicfish.target.boards.shape import BoardShape
+from cubicfish.target.target import Target, target_text
+from cubicfish_cli.detection.detection import first_pass
+from cubicfish_cli.diagnosis.object_faults import find_wrong_layout
+from cubicfish_cli.photos.executors.pool import Work
+from cubicfish_cli.photos.photos import find_photos
+from cubicfish_cli.render.board_faces import board_face
+from tests.cubicfish.find.detection.test_markers import MIXED, POSE, errors, mixed_photo, photo_of
+from tests.cubicfish.find.identification.test_name_grids import names, seen
 
 DATA = {
     "units": "mm",

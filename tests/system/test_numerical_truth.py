@@ -15,13 +15,13 @@ from asymmetric_lens import AsymmetricLens
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from cubicfish_cli.app.comparison import aligned_difference
-from cubicfish_cli.core.fit.calibrate import calibrate
-from cubicfish_cli.core.fit.calibration import Calibration
-from cubicfish_cli.core.fit.evaluate import evaluate
-from cubicfish_cli.core.io.camera_yaml import camera_text, load_camera
-from cubicfish_cli.core.lenses.sphere import cone_rays
-from cubicfish_cli.core.target import Target
+from cubicfish.fit.calibrate import calibrate
+from cubicfish.fit.calibration import Calibration
+from cubicfish.fit.evaluate import evaluate
+from cubicfish.io.camera_yaml import camera_text, load_camera
+from cubicfish.models.sphere import cone_rays
+from cubicfish.target.target import Target
+from cubicfish_cli.comparison import aligned_difference
 
 EXAMPLES = int(os.environ.get("CUBICFISH_TEST_EXAMPLES", "5"))
 NOISE = 0.1

@@ -14,11 +14,11 @@ import yaml
 from running import SAMPLE, run_cli
 from saved_maps import read_map
 
-from cubicfish_cli.app.extensions import extension_commands
-from cubicfish_cli.app.terminal.main import COMMANDS, cli
-from cubicfish_cli.core.io.camera_yaml import load_camera
-from cubicfish_cli.core.target import load_target
+from cubicfish.io.camera_yaml import load_camera
+from cubicfish.target.target import load_target
+from cubicfish_cli.extension_table import extension_commands
 from cubicfish_cli.extensions.rigs.rig import Rig, RigFit
+from cubicfish_cli.terminal.main import COMMANDS, cli
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from synthetic import corner_of_three
 
-from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.io.camera_yaml import load_camera
-from cubicfish_cli.core.io.observations_csv import load_corners
-from cubicfish_cli.core.lenses.sphere import cone_rays
-from cubicfish_cli.core.target import load_target
+from cubicfish.angles import angle_from_axis
+from cubicfish.io.camera_yaml import load_camera
+from cubicfish.io.corners_csv import load_corners
+from cubicfish.models.sphere import cone_rays
+from cubicfish.target.target import load_target
 
 SAMPLE = Path(__file__).parents[2] / "sample_data"
 

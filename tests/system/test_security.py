@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from cubicfish_cli.app import photos
-from cubicfish_cli.core import reading
+from cubicfish.files import reading
+from cubicfish_cli.photos import photos
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "SECURITY.md").read_text(encoding="utf-8")

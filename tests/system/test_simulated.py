@@ -6,8 +6,8 @@ import synthetic
 from simulated import CornerErrors, simulated_corners
 from synthetic_lenses import synthetic_lens
 
-from cubicfish_cli.app.viewpoints.truth import camera_points
-from cubicfish_cli.core.fit.calibrate import calibrate
+from cubicfish.fit.calibrate import calibrate
+from cubicfish_cli.viewpoints.truth import camera_points
 
 EXACT = CornerErrors(noise=0, shared=0, spread=0)
 TARGET = synthetic.flat_board()

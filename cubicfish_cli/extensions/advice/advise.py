@@ -5,24 +5,17 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.app.sufficiency.sufficiency import (
-    CoverageGaps,
-    default_goal,
-    explain_insufficiency,
-    find_coverage_gaps,
-)
-from cubicfish_cli.app.viewpoints.views import Distances, Viewpoint, WholeLens, sample_views
-from cubicfish_cli.core.assess.fit_record import FitRecord
-from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
-from cubicfish_cli.core.assess.verdict import FEW_OF_A_PLANE, FEW_PHOTOS, verdict
-from cubicfish_cli.core.codes import Code
-from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.threads import one_blas_thread
-from cubicfish_cli.core.types import FloatArray
+from cubicfish.judge.codes import Code
+from cubicfish.judge.finding import Finding
+from cubicfish.judge.fit_record import FitRecord
+from cubicfish.judge.uncertainty import FieldUncertainty
+from cubicfish.judge.verdict import FEW_OF_A_PLANE, FEW_PHOTOS, verdict
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.solve.poses import Poses
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target
+from cubicfish.threads import one_blas_thread
+from cubicfish.types import FloatArray
 from cubicfish_cli.extensions.advice.knowledge import (
     Knowledge,
     field_rays,
@@ -31,6 +24,13 @@ from cubicfish_cli.extensions.advice.knowledge import (
     recorded_poses,
 )
 from cubicfish_cli.extensions.advice.proposals import Proposal, proposed
+from cubicfish_cli.sufficiency.sufficiency import (
+    CoverageGaps,
+    default_goal,
+    explain_insufficiency,
+    find_coverage_gaps,
+)
+from cubicfish_cli.viewpoints.views import Distances, Viewpoint, WholeLens, sample_views
 
 PROPOSALS = 3
 # Photos so far show where this camera is in focus and the target is in view: proposals lie between

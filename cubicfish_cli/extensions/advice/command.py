@@ -6,16 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.paths import in_folder, path_or_none
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.parameters import FloatRange, as_command, option, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_message, print_wrote, result
-from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError
-from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
+from cubicfish.errors import CubicfishError, OutputError, UsageError
+from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
+from cubicfish_cli.inputs.paths import in_folder, path_or_none
+from cubicfish_cli.render import drawing as extra
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import print_message, print_wrote, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.advice.advise import Advice
@@ -86,9 +86,9 @@ def advise_files(options: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish_cli.app.calibration_facts import facts_of_files
-    from cubicfish_cli.core.lenses.cubic import CubicCamera
+    from cubicfish.models.cubic import CubicCamera
     from cubicfish_cli.extensions.advice.advise import advise
+    from cubicfish_cli.inputs.calibration_facts import facts_of_files
 
     drawing, given, drawn = map(path_or_none, (options.picture, options.corners, options.target))
     if drawing is not None and drawing.suffix.lower() not in _PICTURES:
@@ -150,7 +150,7 @@ def command(made: AdviceFiles, given: AdviseOptions, how: How) -> None:
 
 
 def _print(advice: Advice) -> None:
-    from cubicfish_cli.app.words.camera import COVERED, uncertainty_meaning
+    from cubicfish_cli.words.camera import COVERED, uncertainty_meaning
 
     pairs = advice.pairs
     result(f"{plural(len(pairs.images), 'photo')}, {plural(len(pairs.pixel), 'corner')}")

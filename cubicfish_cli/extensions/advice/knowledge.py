@@ -10,22 +10,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.viewpoints.views import Viewpoint, WholeLens
-from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.assess.fit_record import FitRecord
-from cubicfish_cli.core.fit.cubic_fit import EXPECTED, PriorChoice, fit_cubic
-from cubicfish_cli.core.fit.deformable_target import DeformableTarget, NominalTarget
-from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
-from cubicfish_cli.core.fit.radial_reference import LOST_PX, radial_near
-from cubicfish_cli.core.fit.statistics import noise_px, weighed
-from cubicfish_cli.core.fit.subset import middle, with_mean_weight_one, world_scale
-from cubicfish_cli.core.fit.uncertainty import common_gauge, corner_noise_px, field_grid
-from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.types import FloatArray
+from cubicfish.angles import angle_from_axis
+from cubicfish.fit.cubic_fit import EXPECTED, PriorChoice, fit_cubic
+from cubicfish.fit.radial_reference import LOST_PX, radial_near
+from cubicfish.fit.uncertainty import common_gauge, corner_noise_px, field_grid
+from cubicfish.judge.fit_record import FitRecord
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.models.radial import RadialCamera
+from cubicfish.solve.deformable_target import DeformableTarget, NominalTarget
+from cubicfish.solve.poses import Poses, rotation_from_vector
+from cubicfish.solve.statistics import noise_px, weighed
+from cubicfish.solve.subset import middle, with_mean_weight_one, world_scale
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target
+from cubicfish.types import FloatArray
 from cubicfish_cli.extensions.advice.information import Information
+from cubicfish_cli.viewpoints.views import Viewpoint, WholeLens
 
 _DECREASE = 1e-7
 # For files that do not say how symmetric a lens the prior on P is about: once it was always this.

@@ -9,14 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from cubicfish_cli.app.drawing import drawing, lay_out
-from cubicfish_cli.app.target_drawing import draw_board
-from cubicfish_cli.app.viewpoints.truth import camera_points
-from cubicfish_cli.core.boards.board import AROUND_SQUARE
-from cubicfish_cli.core.types import FloatArray
+from cubicfish.target.boards.board import AROUND_SQUARE
+from cubicfish.types import FloatArray
 from cubicfish_cli.extensions.advice.advise import Advice
 from cubicfish_cli.extensions.advice.knowledge import limited_lens
 from cubicfish_cli.extensions.advice.proposals import Proposal
+from cubicfish_cli.render.drawing import drawing, lay_out
+from cubicfish_cli.render.target_drawing import draw_board
+from cubicfish_cli.viewpoints.truth import camera_points
 
 _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "advice",

@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.app.sufficiency.sufficiency import SIDES, side_of
-from cubicfish_cli.app.viewpoints.views import Viewpoint
-from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
-from cubicfish_cli.core.assess.verdict import COVERAGE
-from cubicfish_cli.core.fit.coverage import FieldCells
-from cubicfish_cli.core.types import BoolArray, FloatArray
+from cubicfish.angles import angle_from_axis
+from cubicfish.fit.coverage import FieldCells
+from cubicfish.judge.uncertainty import FieldUncertainty
+from cubicfish.judge.verdict import COVERAGE
+from cubicfish.types import BoolArray, FloatArray
 from cubicfish_cli.extensions.advice.knowledge import Knowledge
+from cubicfish_cli.sufficiency.sufficiency import SIDES, side_of
+from cubicfish_cli.viewpoints.views import Viewpoint
 
 MOST_PHOTOS = 12
 """Photos are counted up to this many; beyond it another target or camera is the better advice."""

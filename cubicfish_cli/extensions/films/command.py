@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.app.films import MOST
-from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.paths import paths_of
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.target_source import TargetSource
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.parameters import as_command, option, record, target_options
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_next, result
-from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.errors import PhotoError
-from cubicfish_cli.core.files import StrPath
+from cubicfish.errors import PhotoError
+from cubicfish.files.whole_files import StrPath
+from cubicfish_cli.films import MOST
+from cubicfish_cli.inputs.paths import paths_of
+from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.listener import Event
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.parameters import as_command, option, record, target_options
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import print_next, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.target import Target
+    from cubicfish.target.target import Target
 
 
 @record
@@ -91,11 +91,11 @@ def choose_frames(options: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
             not installed.
 
     """
-    from cubicfish_cli.app.films.scan import room_for_frames
-    from cubicfish_cli.app.films.source import open_films
-    from cubicfish_cli.core.files import refuse_existing
+    from cubicfish.files.whole_files import refuse_existing
     from cubicfish_cli.extensions.films.frames import chosen_of, scanned
     from cubicfish_cli.extensions.films.written import SHEET, write_chosen
+    from cubicfish_cli.films.scan import room_for_frames
+    from cubicfish_cli.films.source import open_films
 
     folder, source = Path(options.folder), TargetSource.of(options.target)
     targets = source.load(run.listener) if source.is_known else None
@@ -129,7 +129,7 @@ def choose_frames(options: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
 
 def _expand(films: StrPath | Sequence[StrPath]) -> list[Path]:
     """Return films, with patterns replaced by what they match."""
-    from cubicfish_cli.app.photos import expanded
+    from cubicfish_cli.photos.photos import expanded
 
     matches = {path: expanded(path) for path in paths_of(films)}
     for path in matches:
@@ -181,7 +181,7 @@ def command(chosen: ChosenFrames, given: FramesOptions, how: How) -> None:
     The chosen frames are sharp and still, and each shows something that the others do not: corners
     in another part of the picture, or a board from another side.
     """
-    from cubicfish_cli.app.photos import shown
+    from cubicfish_cli.photos.photos import shown
 
     if not how.print(chosen):
         _print(chosen, given)

@@ -5,18 +5,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from cubicfish_cli.app.films.choose import Scale, Seen
-from cubicfish_cli.app.films.frame_search import Search, why_ended
-from cubicfish_cli.app.films.scan import Measured, report_film, scan, still_px
-from cubicfish_cli.app.films.source import Film
-from cubicfish_cli.app.listener import Listener
-from cubicfish_cli.app.photos import Photo, shown
-from cubicfish_cli.app.run import Run
-from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.errors import DetectionError
-from cubicfish_cli.core.frame_names import frame_name
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.wording import listed
+from cubicfish.errors import DetectionError
+from cubicfish.files.frame_names import frame_name
+from cubicfish.target.target import Target
+from cubicfish.wording import listed
+from cubicfish_cli.films.choose import Scale, Seen
+from cubicfish_cli.films.frame_search import Search, why_ended
+from cubicfish_cli.films.scan import Measured, report_film, scan, still_px
+from cubicfish_cli.films.source import Film
+from cubicfish_cli.listener import Listener
+from cubicfish_cli.photos.photos import Photo, shown
+from cubicfish_cli.run import Run
+from cubicfish_cli.words.phrases import plural
 
 # So many frames are kept for each that may be chosen, at least one every so many seconds, and at
 # most so many.

@@ -14,9 +14,9 @@ from typing import Any, Self
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.file_contents import LensRig, PlacedLens
-from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish.models.radial import RadialCamera
 from cubicfish_cli.extensions.formats.lenses import PinholeLens, matrix_rows
+from cubicfish_cli.foreign.file_contents import LensRig, PlacedLens
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

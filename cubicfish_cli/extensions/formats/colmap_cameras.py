@@ -18,7 +18,16 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.file_contents import (
+from cubicfish.angles import angle_from_axis, columns
+from cubicfish.errors import CameraFileError
+from cubicfish.files.reading import read_bytes, read_text
+from cubicfish.geometry import decentring
+from cubicfish.models.lens import Lens
+from cubicfish.models.radial import RadialCamera
+from cubicfish.types import FloatArray
+from cubicfish.wording import did_you_mean, quoted
+from cubicfish_cli.extensions.formats.lenses import PinholeLens, named_lens, named_numbers
+from cubicfish_cli.foreign.file_contents import (
     LensRig,
     PlacedLens,
     chosen_camera,
@@ -26,16 +35,7 @@ from cubicfish_cli.app.lenses.file_contents import (
     numbers,
     size,
 )
-from cubicfish_cli.app.lenses.foreign_lens import FocalLens
-from cubicfish_cli.core.angles import angle_from_axis, columns
-from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.geometry import decentring
-from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.reading import read_bytes, read_text
-from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.wording import did_you_mean, quoted
-from cubicfish_cli.extensions.formats.lenses import PinholeLens, named_lens, named_numbers
+from cubicfish_cli.foreign.foreign_lens import FocalLens
 
 # Profiles are searched for a fold in such steps.
 _STEP_RAD = np.deg2rad(0.05)

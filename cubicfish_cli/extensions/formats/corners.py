@@ -7,19 +7,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.app.paths import paths_of
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.target_source import target_in
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.parameters import as_command, option, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_message, result
-from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.files import StrPath
-from cubicfish_cli.core.wording import listed
+from cubicfish.files.whole_files import StrPath
+from cubicfish.wording import listed
+from cubicfish_cli.inputs.paths import paths_of
+from cubicfish_cli.inputs.target_source import target_in
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.parameters import as_command, option, record
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import print_message, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.target import Target
+    from cubicfish.target.target import Target
     from cubicfish_cli.extensions.formats.vnlog import ImportedCorners
 
 _HELP = """Convert FILES with another detector's corners to corners.csv, ready for calibrate.
@@ -72,8 +72,8 @@ def import_corner_files(options: CornersOptions, *, run: Run = RUN) -> ImportedC
             replaced.
 
     """
-    from cubicfish_cli.core.files import refuse_existing
-    from cubicfish_cli.core.io.observations_csv import save_corners
+    from cubicfish.files.whole_files import refuse_existing
+    from cubicfish.io.corners_csv import save_corners
     from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
 
     goal = Path(options.table)

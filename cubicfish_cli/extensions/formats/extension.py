@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cubicfish_cli.app.extensions import Extension
+from cubicfish_cli.extension_table import Extension
 
 _HERE = "cubicfish_cli.extensions.formats"
 

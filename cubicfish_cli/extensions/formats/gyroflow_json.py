@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from cubicfish_cli.app.lenses.file_contents import PlacedLens, json_text, load_plain_json, numbers
-from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish.errors import CameraFileError
+from cubicfish.models.lens import Lens
+from cubicfish.models.radial import RadialCamera
 from cubicfish_cli.extensions.formats.lenses import matrix_rows, named_in_matrix, named_lens
+from cubicfish_cli.foreign.file_contents import PlacedLens, json_text, load_plain_json, numbers
 
 MAX_BYTES = 4_000_000
 

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.app.extensions import read_formats
-from cubicfish_cli.app.run import RUN, Run, made_at, made_by_record
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.parameters import FloatRange, as_command, option, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import result
-from cubicfish_cli.core.files import StrPath
+from cubicfish.files.whole_files import StrPath
+from cubicfish_cli.extension_table import read_formats
+from cubicfish_cli.run import RUN, Run, made_at, made_by_record
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import result
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.formats.importing import Imported
@@ -78,9 +78,9 @@ def import_files(options: ImportOptions, *, run: Run = RUN) -> Imported:
             replaced.
 
     """
-    from cubicfish_cli.app.fingerprint import fingerprint
-    from cubicfish_cli.core.files import refuse_existing
+    from cubicfish.files.whole_files import refuse_existing
     from cubicfish_cli.extensions.formats.importing import import_camera
+    from cubicfish_cli.fingerprint import fingerprint
 
     made_at()  # an unusable date is an error before the work, not after
     goal = Path(options.output)

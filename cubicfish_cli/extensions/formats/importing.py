@@ -5,21 +5,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.app.extensions import read_formats
-from cubicfish_cli.app.lenses.foreign_files import own_field_deg, read_foreign
-from cubicfish_cli.app.lenses.from_lens import (
+from cubicfish.arrays import Refusal
+from cubicfish.errors import CameraFileError
+from cubicfish.files.whole_files import StrPath
+from cubicfish.io.camera_yaml import CameraFile
+from cubicfish.judge.fit_record import FitRecord
+from cubicfish.models.lens import Lens
+from cubicfish.wording import did_you_mean, quoted
+from cubicfish_cli.extension_table import read_formats
+from cubicfish_cli.foreign.foreign_files import own_field_deg, read_foreign
+from cubicfish_cli.foreign.from_lens import (
     LARGEST_ANGLE_DEG,
     LARGEST_FIELD_DEG,
     ImportedCamera,
     from_lens,
 )
-from cubicfish_cli.core.arrays import Refusal
-from cubicfish_cli.core.assess.fit_record import FitRecord
-from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.files import StrPath
-from cubicfish_cli.core.io.camera_yaml import CameraFile
-from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.core.wording import did_you_mean, quoted
 
 _REFUSAL = Refusal(error=CameraFileError)
 

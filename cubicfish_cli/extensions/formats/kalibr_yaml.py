@@ -10,24 +10,24 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.app.lenses.file_contents import (
-    Fields,
-    LensRig,
-    PlacedLens,
-    chosen_camera,
-    transform_rows,
-)
-from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.plain_yaml import load_plain_yaml
-from cubicfish_cli.core.wording import quoted
+from cubicfish.errors import CameraFileError
+from cubicfish.files.plain_yaml import load_plain_yaml
+from cubicfish.models.lens import Lens
+from cubicfish.models.radial import RadialCamera
+from cubicfish.wording import quoted
 from cubicfish_cli.extensions.formats.lenses import (
     DoubleSphereLens,
     PinholeLens,
     UnifiedLens,
     named_lens,
     named_numbers,
+)
+from cubicfish_cli.foreign.file_contents import (
+    Fields,
+    LensRig,
+    PlacedLens,
+    chosen_camera,
+    transform_rows,
 )
 
 # camera_model -> its intrinsics.

@@ -14,12 +14,12 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from cubicfish_cli.app.lenses.foreign_lens import FocalLens
-from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.geometry import decentring
-from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.types import FloatArray
+from cubicfish.errors import CameraFileError
+from cubicfish.geometry import decentring
+from cubicfish.models.lens import Lens
+from cubicfish.models.radial import RadialCamera
+from cubicfish.types import FloatArray
+from cubicfish_cli.foreign.foreign_lens import FocalLens
 
 PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "τx", "τy")
 """OpenCV's order of a pinhole lens's distortion."""

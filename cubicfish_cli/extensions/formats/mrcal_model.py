@@ -17,14 +17,14 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.file_contents import Fields, LensRig, PlacedLens, numbers
-from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.plain_yaml import parse_plain_yaml
-from cubicfish_cli.core.reading import read_text
-from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.wording import did_you_mean, quoted
+from cubicfish.errors import CameraFileError
+from cubicfish.files.plain_yaml import parse_plain_yaml
+from cubicfish.files.reading import read_text
+from cubicfish.types import FloatArray
+from cubicfish.wording import did_you_mean, quoted
 from cubicfish_cli.extensions.formats.lenses import PinholeLens
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
+from cubicfish_cli.foreign.file_contents import Fields, LensRig, PlacedLens, numbers
 
 # optimization_inputs holds all corners of a calibration, packed; it is skipped.
 MAX_BYTES = 64_000_000

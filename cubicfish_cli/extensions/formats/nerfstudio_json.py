@@ -11,7 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.app.lenses.file_contents import (
+from cubicfish.models.lens import Lens
+from cubicfish.models.radial import RadialCamera
+from cubicfish_cli.extensions.formats.lenses import PINHOLE, PinholeLens, named_lens, named_numbers
+from cubicfish_cli.foreign.file_contents import (
     Fields,
     LensRig,
     PlacedLens,
@@ -20,9 +23,6 @@ from cubicfish_cli.app.lenses.file_contents import (
     load_plain_json,
     transform_rows,
 )
-from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.extensions.formats.lenses import PINHOLE, PinholeLens, named_lens, named_numbers
 
 MAX_BYTES = 64_000_000
 _WRITTEN = "OPENCV_FISHEYE"

@@ -27,15 +27,15 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import Polynomial, chebyshev, polynomial
 
-from cubicfish_cli.app.lenses.file_contents import PlacedLens, numbers, size
-from cubicfish_cli.app.lenses.foreign_lens import FIXED, ForeignLens
-from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.fit.fit_lens import nearest_lens
-from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.reading import read_text
-from cubicfish_cli.core.types import FloatArray
+from cubicfish.angles import angle_from_axis
+from cubicfish.errors import CameraFileError
+from cubicfish.files.reading import read_text
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.models.radial import RadialCamera
+from cubicfish.solve.fit_lens import nearest_lens
+from cubicfish.types import FloatArray
+from cubicfish_cli.foreign.file_contents import PlacedLens, numbers, size
+from cubicfish_cli.foreign.foreign_lens import FIXED, ForeignLens
 
 # Degrees to try. Real files mostly have 4; the toolbox's C reader takes up to 63.
 _DEGREES = range(4, 13)

@@ -22,21 +22,13 @@ from xml.parsers import expat
 
 import numpy as np
 
-from cubicfish_cli.app.lenses.file_contents import (
-    LensRig,
-    PlacedLens,
-    numbers,
-    parse_plain_json,
-    size,
-)
-from cubicfish_cli.app.lenses.foreign_lens import FocalLens
-from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.plain_yaml import MAX_DEPTH, mapping, parse_plain_yaml
-from cubicfish_cli.core.reading import read_text
-from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.wording import quoted
+from cubicfish.errors import CameraFileError
+from cubicfish.files.plain_yaml import MAX_DEPTH, mapping, parse_plain_yaml
+from cubicfish.files.reading import read_text
+from cubicfish.models.lens import Lens
+from cubicfish.models.radial import RadialCamera
+from cubicfish.types import FloatArray
+from cubicfish.wording import quoted
 from cubicfish_cli.extensions.formats.lenses import (
     PINHOLE,
     PinholeLens,
@@ -45,6 +37,14 @@ from cubicfish_cli.extensions.formats.lenses import (
     named_in_matrix,
     named_lens,
 )
+from cubicfish_cli.foreign.file_contents import (
+    LensRig,
+    PlacedLens,
+    numbers,
+    parse_plain_json,
+    size,
+)
+from cubicfish_cli.foreign.foreign_lens import FocalLens
 
 # Names in lower case, without underscores or hyphens.
 _KEY = re.compile(r"[\"']?(\w{1,40})[\"']?\s*:")
@@ -88,7 +88,7 @@ class SkewedFisheye(FocalLens):
         return (cls.near(radial, skew=0.0, k=radial.k),)
 
     def pixels(self, points: FloatArray) -> FloatArray:
-        """See :class:`~cubicfish_cli.core.lenses.lens.Lens`."""
+        """See :class:`~cubicfish.models.lens.Lens`."""
         core = {key: getattr(self, key) for key in ("image_size", "fx", "fy", "cx", "cy", "k")}
         pixel = RadialCamera(**core).project(points)
         pixel[:, 0] += self.skew / self.fy * (pixel[:, 1] - self.cy)
@@ -113,7 +113,7 @@ def opencv_stereo_text(rig: LensRig) -> str:
     """Write two radial lenses as FileStorage YAML, for cv2.fisheye's stereo functions.
 
     It holds M1, D1, M2, D2, and R, T with X2 = R X1 + T in the rig's units; for a rectified pair
-    also R1, R2, P1, P2 and Q of :class:`~cubicfish_cli.app.lenses.file_contents.FlatPair`.
+    also R1, R2, P1, P2 and Q of :class:`~cubicfish_cli.foreign.file_contents.FlatPair`.
 
     Raises:
         CameraFileError: the rig has more cameras than two.

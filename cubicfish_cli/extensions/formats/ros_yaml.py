@@ -16,12 +16,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.file_contents import Fields, LensRig, PlacedLens
-from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.plain_yaml import load_plain_yaml
-from cubicfish_cli.core.types import FloatArray
+from cubicfish.errors import CameraFileError
+from cubicfish.files.plain_yaml import load_plain_yaml
+from cubicfish.models.lens import Lens
+from cubicfish.models.radial import RadialCamera
+from cubicfish.types import FloatArray
 from cubicfish_cli.extensions.formats.lenses import (
     PINHOLE,
     PinholeLens,
@@ -29,6 +28,7 @@ from cubicfish_cli.extensions.formats.lenses import (
     named_in_matrix,
     named_lens,
 )
+from cubicfish_cli.foreign.file_contents import Fields, LensRig, PlacedLens
 
 # distortion_model -> the lens, its coefficients, and how many of these there may be.
 _MODELS: Mapping[str, tuple[type[Lens], Sequence[str], Sequence[int]]] = {

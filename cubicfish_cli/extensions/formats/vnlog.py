@@ -29,13 +29,13 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.core.errors import CorrespondenceError
-from cubicfish_cli.core.observations import Observations, no_such_board
-from cubicfish_cli.core.reading import read_text
-from cubicfish_cli.core.tables import Table, csv_text, parse_table
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.core.wording import quoted
+from cubicfish.errors import CorrespondenceError
+from cubicfish.files.reading import read_text
+from cubicfish.files.tables import Table, csv_text, parse_table
+from cubicfish.target.observations import Observations, no_such_board
+from cubicfish.target.target import Target
+from cubicfish.types import BoolArray, FloatArray, IntArray
+from cubicfish.wording import quoted
 
 MAX_BYTES = 200_000_000
 MAX_LINES = 5_000_000

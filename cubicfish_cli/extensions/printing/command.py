@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from cubicfish.errors import UsageError
+from cubicfish.files.whole_files import Content, StrPath, refuse_existing, write_files
 from cubicfish_cli import __version__
-from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.target_source import length_mm, target_in
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.parameters import COUNTS, as_command, option, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_message, print_table, result
-from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.errors import UsageError
-from cubicfish_cli.core.files import Content, StrPath, refuse_existing, write_files
+from cubicfish_cli.inputs.target_source import length_mm, target_in
+from cubicfish_cli.listener import Event
+from cubicfish_cli.render import drawing as extra
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.parameters import COUNTS, as_command, option, record
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import print_message, print_table, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.printing.layout import Page
@@ -154,8 +154,8 @@ def print_target_files(options: PrintOptions, *, run: Run = RUN) -> PrintedFiles
             and may not be replaced.
 
     """
+    from cubicfish.target.target import target_text
     from cubicfish_cli.commands.target import check_target
-    from cubicfish_cli.core.target import target_text
     from cubicfish_cli.extensions.printing.layout import boards_in_millimetres, lay_out
     from cubicfish_cli.extensions.printing.objects import design
     from cubicfish_cli.extensions.printing.paper import paper as paper_of

@@ -17,13 +17,13 @@ from matplotlib.path import Path as Outline
 from matplotlib.text import Text
 from matplotlib.transforms import Affine2D
 
+from cubicfish.target.boards.board import AROUND_SQUARE, Board
+from cubicfish.target.boards.types import AprilGrid
+from cubicfish.types import FloatArray
 from cubicfish_cli import __version__
-from cubicfish_cli.app.board_faces import board_face
-from cubicfish_cli.app.drawing import drawing
-from cubicfish_cli.core.boards.board import AROUND_SQUARE, Board
-from cubicfish_cli.core.boards.types import AprilGrid
-from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.printing.layout import STRIP, Cut, Page, Side
+from cubicfish_cli.render.board_faces import board_face
+from cubicfish_cli.render.drawing import drawing
 
 _INCH = 25.4
 _POINT = _INCH / 72

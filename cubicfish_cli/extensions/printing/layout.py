@@ -5,13 +5,13 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Literal
 
-from cubicfish_cli.app.board_faces import board_face
-from cubicfish_cli.core.boards.board import Board
-from cubicfish_cli.core.errors import TargetError
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.units import MILLIMETRES
-from cubicfish_cli.core.wording import quoted
+from cubicfish.errors import TargetError
+from cubicfish.target.boards.board import Board
+from cubicfish.target.target import Target
+from cubicfish.units import MILLIMETRES
+from cubicfish.wording import quoted
 from cubicfish_cli.extensions.printing.paper import Paper
+from cubicfish_cli.render.board_faces import board_face
 
 Point = tuple[float, float]
 Side = Literal["left", "top", "right", "bottom"]

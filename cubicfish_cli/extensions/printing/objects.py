@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cubicfish_cli.app.target_source import length_mm
-from cubicfish_cli.core.boards.board import Board
-from cubicfish_cli.core.errors import TargetError
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.types import FloatArray
+from cubicfish.errors import TargetError
+from cubicfish.target.boards.board import Board
+from cubicfish.target.target import Target
+from cubicfish.types import FloatArray
 from cubicfish_cli.extensions.printing.designs import DESIGNS, Counts, Design
 from cubicfish_cli.extensions.printing.layout import SHORTEST_STRIP, STRIP, Cut, Page, Side, lay_out
 from cubicfish_cli.extensions.printing.paper import Paper
+from cubicfish_cli.inputs.target_source import length_mm
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.printing.command import PrintOptions

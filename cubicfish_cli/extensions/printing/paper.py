@@ -3,9 +3,9 @@
 import re
 from dataclasses import dataclass
 
-from cubicfish_cli.app.target_source import length_mm
-from cubicfish_cli.core.errors import TargetError
-from cubicfish_cli.core.wording import did_you_mean, quoted
+from cubicfish.errors import TargetError
+from cubicfish.wording import did_you_mean, quoted
+from cubicfish_cli.inputs.target_source import length_mm
 
 # Width and height in millimetres, upright: ISO 216 and ANSI.
 PAPERS: dict[str, tuple[float, float]] = {

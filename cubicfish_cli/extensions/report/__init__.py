@@ -1,7 +1,7 @@
 """One self-contained HTML page about a calibration.
 
-`core/assess/verdict.py` judges a fit by its record in camera.yaml; `calibrate` prints the verdict.
-`app/calibration_facts.py` recomputes every corner's error from that record, the corners and the
+`judge/verdict.py` judges a fit by its record in camera.yaml; `calibrate` prints the verdict.
+`inputs/calibration_facts.py` recomputes every corner's error from that record, the corners and the
 target, unless they are not those of the fit. `figures.py` and `scene.py` draw plots;
 names that a user chose never enter a figure. `pictures.py` makes small copies of photos, `page.py`
 fills the template, which escapes everything. `calibrate` and `cubicfish report` make the same page

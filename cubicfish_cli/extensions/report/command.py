@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.pages import PAGE
-from cubicfish_cli.app.pages.report_files import ReportFiles
-from cubicfish_cli.app.paths import in_folder, path_or_none
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.figures import print_report
-from cubicfish_cli.app.terminal.parameters import as_command, option, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
+from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
+from cubicfish_cli.inputs.paths import in_folder, path_or_none
+from cubicfish_cli.render import drawing as extra
+from cubicfish_cli.render.pages import PAGE
+from cubicfish_cli.render.pages.report_files import ReportFiles
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.figures import print_report
+from cubicfish_cli.terminal.parameters import as_command, option, record
+from cubicfish_cli.terminal.progress import How
 
 
 @record
@@ -55,8 +55,8 @@ def report_files(options: ReportOptions, *, run: Run = RUN) -> ReportFiles:
     model, target = in_folder(Path(options.camera)), path_or_none(options.target)
     path = path_or_none(options.page) or model.parent / PAGE
     refuse_existing(path, overwrite=run.overwrite)
-    from cubicfish_cli.app.calibration_facts import facts_of_files
     from cubicfish_cli.extensions.report.page import report_html
+    from cubicfish_cli.inputs.calibration_facts import facts_of_files
 
     run.listener.progress("Making the report")
     facts = facts_of_files(model, target=target, photos=list(map(Path, options.photos)))

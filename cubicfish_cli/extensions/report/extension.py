@@ -1,7 +1,7 @@
 """The extension's entry."""
 
-from cubicfish_cli.app.drawing import REPORT
-from cubicfish_cli.app.extensions import Extension, Output
+from cubicfish_cli.extension_table import Extension, Output
+from cubicfish_cli.render.drawing import REPORT
 
 EXTENSION = Extension(
     commands={"report": "cubicfish_cli.extensions.report.command:command"},

@@ -4,11 +4,16 @@ import math
 
 import numpy as np
 
-from cubicfish_cli.app.calibration_facts import ErrorFacts, Facts
-from cubicfish_cli.app.comparison import aligned_difference
-from cubicfish_cli.app.difference_picture import round_up
-from cubicfish_cli.app.pages import figures as page
-from cubicfish_cli.app.pages.plot import (
+from cubicfish.geometry import inside_polygon
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.models.sphere import ray_at
+from cubicfish.solve.statistics import rms_px
+from cubicfish.types import FloatArray
+from cubicfish_cli.comparison import aligned_difference
+from cubicfish_cli.inputs.calibration_facts import ErrorFacts, Facts
+from cubicfish_cli.render.difference_picture import round_up
+from cubicfish_cli.render.pages import figures as page
+from cubicfish_cli.render.pages.plot import (
     INK,
     Plot,
     colour_bar,
@@ -17,12 +22,7 @@ from cubicfish_cli.app.pages.plot import (
     picture_plot,
     wide_plot,
 )
-from cubicfish_cli.app.words.camera import uncertainty_words
-from cubicfish_cli.core.fit.statistics import rms_px
-from cubicfish_cli.core.geometry import inside_polygon
-from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.lenses.sphere import ray_at
-from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.words.camera import uncertainty_words
 
 _MOST_STROKES = 1500
 _FINE_CELLS = 12

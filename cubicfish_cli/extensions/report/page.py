@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cubicfish_cli.app.calibration_facts import Facts, facts_of_fit, matched
-from cubicfish_cli.app.pages.template import day_of, template
-from cubicfish_cli.app.words import camera as in_words
-from cubicfish_cli.core.assess.fit_record import DroppedCorner, origin_of
-from cubicfish_cli.core.codes import Severity
-from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish.judge.codes import Severity
+from cubicfish.judge.fit_record import DroppedCorner, origin_of
+from cubicfish.models.cubic import CubicCamera
 from cubicfish_cli.extensions.report.figures import all_figures, arrow_zoom
 from cubicfish_cli.extensions.report.pictures import MOST_CARDS, all_pictures
 from cubicfish_cli.extensions.report.scene import scene_figures
+from cubicfish_cli.inputs.calibration_facts import Facts, facts_of_fit, matched
+from cubicfish_cli.render.pages.template import day_of, template
+from cubicfish_cli.words import camera as in_words
 
 if TYPE_CHECKING:
-    from cubicfish_cli.app.lenses.point_fit import PointCalibration
-    from cubicfish_cli.core.fit.calibration import Calibration
-    from cubicfish_cli.core.observations import Observations
+    from cubicfish.fit.calibration import Calibration
+    from cubicfish.target.observations import Observations
+    from cubicfish_cli.foreign.point_fit import PointCalibration
 
 _MOST_DROPPED = 200
 _MOST_ROWS = 5000

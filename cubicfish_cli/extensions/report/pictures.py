@@ -9,8 +9,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.calibration_facts import Facts, PhotoRecord
-from cubicfish_cli.app.photos import (
+from cubicfish.errors import PhotoError, ViewError
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.types import FloatArray
+from cubicfish.views.maps import build_map
+from cubicfish_cli.inputs.calibration_facts import Facts, PhotoRecord
+from cubicfish_cli.photos.photos import (
     Picture,
     data_uri,
     decode_picture,
@@ -19,12 +23,8 @@ from cubicfish_cli.app.photos import (
     read_size,
     thumbnail,
 )
-from cubicfish_cli.app.undistortion.choose import build_view
-from cubicfish_cli.app.undistortion.images import remap_picture
-from cubicfish_cli.core.errors import PhotoError, ViewError
-from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.views.maps import build_map
+from cubicfish_cli.undistortion.choose import build_view
+from cubicfish_cli.undistortion.images import remap_picture
 
 Small = npt.NDArray[np.uint8]
 # So many a page can carry and a reader look at: more photos have a row in the table only.

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from cubicfish_cli.app.calibration_facts import Facts
-from cubicfish_cli.app.pages import figures as page
-from cubicfish_cli.app.pages.plot import INK, Space
-from cubicfish_cli.core.fit.poses import rotation_from_vector
+from cubicfish.solve.poses import rotation_from_vector
+from cubicfish_cli.inputs.calibration_facts import Facts
+from cubicfish_cli.render.pages import figures as page
+from cubicfish_cli.render.pages.plot import INK, Space
 
 # Size of a drawn camera, as a share of all that is drawn.
 _CAMERA = 0.06

@@ -17,5 +17,5 @@ left. Each command is a module of its name, with its options and its function.
 
 `stereo.py` turns two cameras so that rows agree; `mosaic.py` asks all cameras as one and blends
 them; `lens_rig.py` joins them to other tools' lenses, which the formats write from one `LensRig`
-(`app/lenses/file_contents.py`).
+(`foreign/file_contents.py`).
 """

@@ -9,15 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.app.films import MOST
-from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.pages import PAGE
-from cubicfish_cli.app.paths import in_folder, paths_of
-from cubicfish_cli.app.run import RUN, Run, made_at, made_by_record
-from cubicfish_cli.app.target_source import TargetSource
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.figures import enforce_max_rms, mark_of
-from cubicfish_cli.app.terminal.parameters import (
+from cubicfish.errors import UsageError
+from cubicfish.files.whole_files import StrPath, refuse_existing
+from cubicfish.wording import quoted
+from cubicfish_cli.extensions.rigs.options import times_option
+from cubicfish_cli.extensions.rigs.printed import print_rig
+from cubicfish_cli.films import MOST
+from cubicfish_cli.inputs.paths import in_folder, paths_of
+from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.listener import Event
+from cubicfish_cli.render.pages import PAGE
+from cubicfish_cli.run import RUN, Run, made_at, made_by_record
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.figures import enforce_max_rms, mark_of
+from cubicfish_cli.terminal.parameters import (
     FILE,
     SECONDS,
     as_command,
@@ -25,19 +30,14 @@ from cubicfish_cli.app.terminal.parameters import (
     record,
     target_options,
 )
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import apart, print_message, print_wrote, result
-from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.errors import UsageError
-from cubicfish_cli.core.files import StrPath, refuse_existing
-from cubicfish_cli.core.wording import quoted
-from cubicfish_cli.extensions.rigs.options import times_option
-from cubicfish_cli.extensions.rigs.printed import print_rig
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import apart, print_message, print_wrote, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.fit.model_selection import RefineTarget
-    from cubicfish_cli.core.io.camera_yaml import Calibrated
-    from cubicfish_cli.core.target import Target
+    from cubicfish.fit.model_selection import RefineTarget
+    from cubicfish.io.camera_yaml import Calibrated
+    from cubicfish.target.target import Target
     from cubicfish_cli.extensions.rigs.films import ShotFrame
     from cubicfish_cli.extensions.rigs.rig import Rig
 
@@ -146,11 +146,8 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
             can be fitted.
 
     """
-    from cubicfish_cli.app import drawing as extra
-    from cubicfish_cli.app.films.scan import room_for_frames
-    from cubicfish_cli.app.inputs import films_among
-    from cubicfish_cli.core.io.camera_yaml import Calibrated, load_camera
-    from cubicfish_cli.core.io.observations_csv import save_corners
+    from cubicfish.io.camera_yaml import Calibrated, load_camera
+    from cubicfish.io.corners_csv import save_corners
     from cubicfish_cli.extensions.rigs.films import keeping_frames, moving_corners, rig_frames
     from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig
     from cubicfish_cli.extensions.rigs.fit.shots import TOLERANCE, load_shots, load_times
@@ -161,6 +158,9 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
     )
     from cubicfish_cli.extensions.rigs.report import write_rig_page
     from cubicfish_cli.extensions.rigs.rig import save_rig
+    from cubicfish_cli.films.scan import room_for_frames
+    from cubicfish_cli.observe import films_among
+    from cubicfish_cli.render import drawing as extra
 
     source, cameras, names = TargetSource.of(options.target), options.cameras, options.names
     if isinstance(cameras, Mapping):

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.figures import px
-from cubicfish_cli.app.terminal.parameters import as_command, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_table, result
-from cubicfish_cli.core.files import StrPath
+from cubicfish.files.whole_files import StrPath
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.figures import px
+from cubicfish_cli.terminal.parameters import as_command, record
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import print_table, result
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.rigs.fit.compare import ComparedCamera

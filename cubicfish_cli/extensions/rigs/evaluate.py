@@ -6,24 +6,24 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.paths import paths_of
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.target_source import TargetSource
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.figures import enforce_max_rms
-from cubicfish_cli.app.terminal.parameters import as_command, record, target_options
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_json, print_message
-from cubicfish_cli.app.words.phrases import plural
+from cubicfish.errors import UsageError
+from cubicfish.files.whole_files import StrPath
 from cubicfish_cli.commands.evaluate import report_unplaced
-from cubicfish_cli.core.errors import UsageError
-from cubicfish_cli.core.files import StrPath
 from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_evaluation
+from cubicfish_cli.inputs.paths import paths_of
+from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.listener import Event
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.figures import enforce_max_rms
+from cubicfish_cli.terminal.parameters import as_command, record, target_options
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import print_json, print_message
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.target import Target
+    from cubicfish.target.target import Target
     from cubicfish_cli.extensions.rigs.fit.evaluate import RigEvaluation
 
 
@@ -61,7 +61,7 @@ def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = RUN) -> RigEva
         CubicfishError: an input cannot be used, or no shot can be placed.
 
     """
-    from cubicfish_cli.core.assess.fit_record import origin_of
+    from cubicfish.judge.fit_record import origin_of
     from cubicfish_cli.extensions.rigs.fit.evaluate import evaluate_rig
     from cubicfish_cli.extensions.rigs.fit.shots import load_times, owners_of
     from cubicfish_cli.extensions.rigs.inputs import check_camera_inputs, load_camera_inputs

@@ -6,14 +6,14 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.app.extensions import written_formats
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.terminal.parameters import as_command, record
-from cubicfish_cli.app.terminal.progress import How
+from cubicfish.errors import FitError, UsageError
+from cubicfish.files.whole_files import StrPath, write_files
 from cubicfish_cli.commands.export import LensOptions, print_exported
-from cubicfish_cli.core.errors import FitError, UsageError
-from cubicfish_cli.core.files import StrPath, write_files
+from cubicfish_cli.extension_table import written_formats
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_argument
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal.parameters import as_command, record
+from cubicfish_cli.terminal.progress import How
 
 if TYPE_CHECKING:
     from cubicfish_cli.commands.export import ExportedFiles

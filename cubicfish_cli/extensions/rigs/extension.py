@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cubicfish_cli.app.extensions import Extension
+from cubicfish_cli.extension_table import Extension
 
 EXTENSION = Extension(
     commands={"rig": "cubicfish_cli.extensions.rigs.group:command"},

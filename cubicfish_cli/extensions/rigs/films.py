@@ -9,22 +9,22 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.app.films.choose import Seen, choose_shots
-from cubicfish_cli.app.films.frame_search import found_in, why_ended
-from cubicfish_cli.app.films.scan import Measured, report_film, scan, still_px
-from cubicfish_cli.app.films.source import open_films
-from cubicfish_cli.app.listener import Event, Listener
-from cubicfish_cli.app.photos import Photo, read_grey
-from cubicfish_cli.app.run import Run
-from cubicfish_cli.core.errors import CubicfishError, DetectionError, PhotoError
-from cubicfish_cli.core.files import Content, refuse_existing, write_files
-from cubicfish_cli.core.frame_names import frame_name
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.tables import csv_text
-from cubicfish_cli.core.target import Target
+from cubicfish.errors import CubicfishError, DetectionError, PhotoError
+from cubicfish.files.frame_names import frame_name
+from cubicfish.files.tables import csv_text
+from cubicfish.files.whole_files import Content, refuse_existing, write_files
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target
 from cubicfish_cli.extensions.rigs.film_clocks import FilmMotion, match_films
 from cubicfish_cli.extensions.rigs.fit.times import Moving
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out
+from cubicfish_cli.films.choose import Seen, choose_shots
+from cubicfish_cli.films.frame_search import found_in, why_ended
+from cubicfish_cli.films.scan import Measured, report_film, scan, still_px
+from cubicfish_cli.films.source import open_films
+from cubicfish_cli.listener import Event, Listener
+from cubicfish_cli.photos.photos import Photo, read_grey
+from cubicfish_cli.run import Run
 
 # Of so many moments for each that may be chosen the corners are looked for.
 _LOOKED_AT = 2

@@ -2,8 +2,8 @@
 
 import click
 
-from cubicfish_cli.app.terminal.main import LazyGroup
-from cubicfish_cli.app.terminal.parameters import common_options, examples
+from cubicfish_cli.terminal.main import LazyGroup
+from cubicfish_cli.terminal.parameters import common_options, examples
 
 COMMANDS = ("calibrate", "evaluate", "compare", "info", "report", "undistort", "map", "export")
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.terminal.parameters import as_command, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.core.files import StrPath
+from cubicfish.files.whole_files import StrPath
 from cubicfish_cli.extensions.rigs.options import rig_argument
 from cubicfish_cli.extensions.rigs.printed import print_rig
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal.parameters import as_command, record
+from cubicfish_cli.terminal.progress import How
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.rigs.rig import Rig

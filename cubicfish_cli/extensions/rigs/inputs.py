@@ -6,15 +6,15 @@ from dataclasses import replace
 from glob import has_magic
 from pathlib import Path
 
-from cubicfish_cli.app.films.recordings import label_of
-from cubicfish_cli.app.fingerprint import fingerprint
-from cubicfish_cli.app.inputs import Inputs, load_inputs
-from cubicfish_cli.app.paths import check_inputs, is_recording, tables_among
-from cubicfish_cli.app.photos import VIDEO_SUFFIXES
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.target_source import TargetSource
-from cubicfish_cli.core.errors import CorrespondenceError
-from cubicfish_cli.core.io.camera_yaml import CameraFile, load_camera
+from cubicfish.errors import CorrespondenceError
+from cubicfish.io.camera_yaml import CameraFile, load_camera
+from cubicfish_cli.films.recordings import label_of
+from cubicfish_cli.fingerprint import fingerprint
+from cubicfish_cli.inputs.paths import check_inputs, is_recording, tables_among
+from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.observe import Inputs, load_inputs
+from cubicfish_cli.photos.photos import VIDEO_SUFFIXES
+from cubicfish_cli.run import RUN, Run
 
 
 def named_by(path: Path) -> str:

@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish_cli.app.lenses.file_contents import FlatPair, LensRig, PlacedLens
-from cubicfish_cli.app.undistortion.choose import build_view
+from cubicfish.errors import ViewError
+from cubicfish.models.sphere import cone_rays
+from cubicfish.views.fields import sees
 from cubicfish_cli.commands.exporting import Exported
-from cubicfish_cli.core.errors import ViewError
-from cubicfish_cli.core.lenses.sphere import cone_rays
-from cubicfish_cli.core.views.fields import sees
 from cubicfish_cli.extensions.rigs.rig import Rig, RigCamera
 from cubicfish_cli.extensions.rigs.stereo import rectify
+from cubicfish_cli.foreign.file_contents import FlatPair, LensRig, PlacedLens
+from cubicfish_cli.undistortion.choose import build_view
 
 _OVERLAP_RAYS = 2000
 

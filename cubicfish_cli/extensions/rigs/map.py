@@ -8,20 +8,20 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.parameters import as_command, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.undistortion.options import ViewOptions
+from cubicfish.errors import CameraFileError, UsageError, ViewError
+from cubicfish.files.whole_files import StrPath, refuse_existing
+from cubicfish.wording import either
 from cubicfish_cli.commands.map import MapFiles, files_of, photo_size_option, print_maps, write_maps
 from cubicfish_cli.commands.view_options import view_bundle
-from cubicfish_cli.core.errors import CameraFileError, UsageError, ViewError
-from cubicfish_cli.core.files import StrPath, refuse_existing
-from cubicfish_cli.core.wording import either
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_option
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.parameters import as_command, record
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.undistortion.options import ViewOptions
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.views.view import View
+    from cubicfish.views.view import View
 
 _HELP = """Write two maps of the rig's cameras that --pair names: OUT_left.npz and OUT_right.npz.
 
@@ -94,14 +94,14 @@ def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
     """
     import numpy as np
 
-    from cubicfish_cli.app.undistortion.choose import ChosenView, chosen_view
-    from cubicfish_cli.app.undistortion.map_formats import MapInBands, map_paths
-    from cubicfish_cli.core.plain_yaml import plain_yaml_text
-    from cubicfish_cli.core.views.fields import sees
-    from cubicfish_cli.core.views.maps import build_map, camera_for_photos
-    from cubicfish_cli.core.views.view import CentralView
+    from cubicfish.files.plain_yaml import plain_yaml_text
+    from cubicfish.views.fields import sees
+    from cubicfish.views.maps import build_map, camera_for_photos
+    from cubicfish.views.view import CentralView
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
     from cubicfish_cli.extensions.rigs.stereo import rectify
+    from cubicfish_cli.undistortion.choose import ChosenView, chosen_view
+    from cubicfish_cli.undistortion.map_formats import MapInBands, map_paths
 
     goal, photo_size = Path(options.output), options.photo_size
     map_paths(goal)  # its name is refused first

@@ -13,10 +13,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.films.scan import Measured, quality, write_frame
-from cubicfish_cli.app.films.source import Film, frames, opened
-from cubicfish_cli.app.paths import is_recording
-from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish.types import FloatArray, IntArray
+from cubicfish_cli.films.scan import Measured, quality, write_frame
+from cubicfish_cli.films.source import Film, frames, opened
+from cubicfish_cli.inputs.paths import is_recording
 
 Picture = npt.NDArray[Any]
 

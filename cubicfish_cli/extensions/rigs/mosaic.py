@@ -12,17 +12,17 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.photos import Picture
-from cubicfish_cli.app.undistortion.choose import build_view
-from cubicfish_cli.app.undistortion.images import remap_picture
-from cubicfish_cli.core.angles import unit_rays
-from cubicfish_cli.core.errors import ViewError
-from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.views.fields import sees
-from cubicfish_cli.core.views.maps import UndistortMap, build_map
-from cubicfish_cli.core.views.view import CentralView, View, matrix_of_rotation, rotation_vector
+from cubicfish.angles import unit_rays
+from cubicfish.errors import ViewError
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.types import FloatArray
+from cubicfish.views.fields import sees
+from cubicfish.views.maps import UndistortMap, build_map
+from cubicfish.views.view import CentralView, View, matrix_of_rotation, rotation_vector
 from cubicfish_cli.extensions.rigs.rig import Rig, RigCamera
+from cubicfish_cli.photos.photos import Picture
+from cubicfish_cli.undistortion.choose import build_view
+from cubicfish_cli.undistortion.images import remap_picture
 
 Floats = npt.NDArray[np.float32]
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from cubicfish_cli.app.terminal.parameters import FILE, Parsed, argument, option
+from cubicfish_cli.terminal.parameters import FILE, Parsed, argument, option
 
 rig_argument: Any = argument(
     "The folder that 'cubicfish rig calibrate' wrote, or its rig.yaml. [default: rig]",

@@ -5,7 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.app.pages.figures import (
+from cubicfish.judge.codes import Severity
+from cubicfish.judge.fit_record import origin_of
+from cubicfish_cli.extensions.rigs.rig import Rig
+from cubicfish_cli.render.pages.figures import (
     BOARD_COLOURS,
     Drawn,
     Key,
@@ -13,12 +16,9 @@ from cubicfish_cli.app.pages.figures import (
     finished,
     upright,
 )
-from cubicfish_cli.app.pages.plot import INK, MUTED, Space
-from cubicfish_cli.app.pages.template import day_of, template
-from cubicfish_cli.app.words.camera import LEVELS
-from cubicfish_cli.core.assess.fit_record import origin_of
-from cubicfish_cli.core.codes import Severity
-from cubicfish_cli.extensions.rigs.rig import Rig
+from cubicfish_cli.render.pages.plot import INK, MUTED, Space
+from cubicfish_cli.render.pages.template import day_of, template
+from cubicfish_cli.words.camera import LEVELS
 
 _MOST_SHOTS = 20
 COLOURS = (*BOARD_COLOURS, "#56b4e9", MUTED, INK)

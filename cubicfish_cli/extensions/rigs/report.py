@@ -5,20 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.pages import PAGE
-from cubicfish_cli.app.pages.report_files import ReportFiles
-from cubicfish_cli.app.paths import path_or_none
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.figures import print_report
-from cubicfish_cli.app.terminal.parameters import as_command, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
+from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
 from cubicfish_cli.extensions.rigs.options import rig_argument
+from cubicfish_cli.inputs.paths import path_or_none
+from cubicfish_cli.render import drawing as extra
+from cubicfish_cli.render.pages import PAGE
+from cubicfish_cli.render.pages.report_files import ReportFiles
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.figures import print_report
+from cubicfish_cli.terminal.parameters import as_command, record
+from cubicfish_cli.terminal.progress import How
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.assess.verdict import Verdict
+    from cubicfish.judge.verdict import Verdict
 
 
 @record

@@ -14,27 +14,27 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cubicfish_cli import __version__
-from cubicfish_cli.core.assess.fit_record import NAN, ErrorStatistics, FitRecord, PoseRecord
-from cubicfish_cli.core.assess.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
-from cubicfish_cli.core.assess.verdict import Verdict
-from cubicfish_cli.core.errors import CameraFileError, CubicfishError
-from cubicfish_cli.core.files import Content, write_files
-from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.geometry import camera_centre
-from cubicfish_cli.core.io.camera_keys import Keys
-from cubicfish_cli.core.io.camera_yaml import Calibrated, camera_text, load_camera
-from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.plain_yaml import (
+from cubicfish.errors import CameraFileError, CubicfishError
+from cubicfish.files.plain_yaml import (
     load_plain_yaml,
     mapping,
     plain_yaml_text,
     refuse_unknown,
     refuse_version,
 )
-from cubicfish_cli.core.target import Target, target_text
-from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.wording import did_you_mean, quoted
+from cubicfish.files.whole_files import Content, write_files
+from cubicfish.geometry import camera_centre
+from cubicfish.io.camera_keys import Keys
+from cubicfish.io.camera_yaml import Calibrated, camera_text, load_camera
+from cubicfish.judge.finding import Finding
+from cubicfish.judge.fit_record import NAN, ErrorStatistics, FitRecord, PoseRecord
+from cubicfish.judge.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
+from cubicfish.judge.verdict import Verdict
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.target.target import Target, target_text
+from cubicfish.types import FloatArray
+from cubicfish.wording import did_you_mean, quoted
+from cubicfish_cli import __version__
 
 KEY = "cubicfish_rig"
 REFINED = "target.refined.yaml"

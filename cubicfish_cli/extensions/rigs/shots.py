@@ -5,15 +5,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.app.listener import SILENT, Listener
-from cubicfish_cli.app.paths import named_photos
-from cubicfish_cli.app.photos import Picture, natural_key, photo_size
-from cubicfish_cli.app.undistortion.batch import MAKING, Job, Size, Views
-from cubicfish_cli.app.undistortion.choose import ChosenView
-from cubicfish_cli.core.errors import ViewError
-from cubicfish_cli.core.views.maps import UndistortMap, camera_for_photos
+from cubicfish.errors import ViewError
+from cubicfish.views.maps import UndistortMap, camera_for_photos
 from cubicfish_cli.extensions.rigs.fit.shots import owners_of, shots_by_name
 from cubicfish_cli.extensions.rigs.mosaic import Body, Mosaic, mosaic_of
+from cubicfish_cli.inputs.paths import named_photos
+from cubicfish_cli.listener import SILENT, Listener
+from cubicfish_cli.photos.photos import Picture, natural_key, photo_size
+from cubicfish_cli.undistortion.batch import MAKING, Job, Size, Views
+from cubicfish_cli.undistortion.choose import ChosenView
 
 Shot = Mapping[str, Path]
 """Camera -> its photo."""

@@ -2,7 +2,7 @@
 
 In the rectified frame x points along the line between the cameras. Half-planes that end in that
 line hold what a row shows: flat pictures have such rows up to 180°, and pictures on a cylinder or a
-sphere about that line, as the epipolar kinds of :mod:`~cubicfish_cli.core.views.view` are,
+sphere about that line, as the epipolar kinds of :mod:`~cubicfish.views.view` are,
 all around it.
 """
 
@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.core.errors import ViewError
-from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.views.fields import seen_field_deg, sees
-from cubicfish_cli.core.views.view import Camera, CentralView, rotation_vector
+from cubicfish.errors import ViewError
+from cubicfish.types import FloatArray
+from cubicfish.views.fields import seen_field_deg, sees
+from cubicfish.views.view import Camera, CentralView, rotation_vector
 from cubicfish_cli.extensions.rigs.rig import Rig
 
 FORMAT_VERSION = 1

@@ -7,21 +7,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.app.paths import paths_of
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.parameters import FloatRange, as_command, option, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.undistortion.options import KINDS, ViewOptions
+from cubicfish.files.whole_files import StrPath
+from cubicfish.wording import either
 from cubicfish_cli.commands.undistort import PictureOptions, named_sources, print_pictures
 from cubicfish_cli.commands.view_options import report_unseen, view_bundle
-from cubicfish_cli.core.files import StrPath
-from cubicfish_cli.core.wording import either
 from cubicfish_cli.extensions.rigs.options import rig_option
+from cubicfish_cli.inputs.paths import paths_of
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.undistortion.options import KINDS, ViewOptions
 
 if TYPE_CHECKING:
+    from cubicfish.views.view import View
     from cubicfish_cli.commands.pictures import UndistortedFiles
-    from cubicfish_cli.core.views.view import View
 
 
 @record
@@ -86,11 +86,11 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = RUN) -> Undi
         CubicfishError: the rig or the executor cannot be used.
 
     """
-    from cubicfish_cli.app.undistortion.choose import chosen_view
     from cubicfish_cli.commands.pictures import plan_pictures, write_pictures
     from cubicfish_cli.extensions.rigs.mosaic import Body
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
     from cubicfish_cli.extensions.rigs.shots import RigViews, body_for_photos, shots_of
+    from cubicfish_cli.undistortion.choose import chosen_view
 
     model = rig_file(options.rig)
     known = load_rig(model)

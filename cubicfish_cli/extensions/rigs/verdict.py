@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.core.assess.verdict import Verdict, ratio_above
-from cubicfish_cli.core.codes import Code, Severity
-from cubicfish_cli.core.finding import Finding, level_of
+from cubicfish.judge.codes import Code, Severity
+from cubicfish.judge.finding import Finding, level_of
+from cubicfish.judge.verdict import Verdict, ratio_above
 from cubicfish_cli.extensions.rigs.rig import Rig, RigFit
 
 # A camera's error in the rig over that of its photos alone, and the error from which that matters.

@@ -11,22 +11,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.app.run import RUN, Run
-from cubicfish_cli.app.target_source import target_in
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.parameters import FloatRange, as_command, bundle, option, record
-from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_next, print_wrote, result
-from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.errors import OutputError, UsageError
-from cubicfish_cli.core.files import StrPath
-from cubicfish_cli.core.wording import did_you_mean, quoted
+from cubicfish.errors import OutputError, UsageError
+from cubicfish.files.whole_files import StrPath
+from cubicfish.wording import did_you_mean, quoted
+from cubicfish_cli.inputs.target_source import target_in
+from cubicfish_cli.run import RUN, Run
+from cubicfish_cli.terminal import parameters
+from cubicfish_cli.terminal.parameters import FloatRange, as_command, bundle, option, record
+from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.terminal.terminal import print_next, print_wrote, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.files import Content
-    from cubicfish_cli.core.io.camera_yaml import Calibrated
-    from cubicfish_cli.core.lenses.cubic import CubicCamera
-    from cubicfish_cli.core.target import Target
+    from cubicfish.files.whole_files import Content
+    from cubicfish.io.camera_yaml import Calibrated
+    from cubicfish.models.cubic import CubicCamera
+    from cubicfish.target.target import Target
 
 
 _MOST_PHOTOS = 10_000
@@ -185,19 +185,19 @@ def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFile
         OutputError: no photo shows a corner, or a file exists and may not be replaced.
 
     """
-    from cubicfish_cli.app.listener import Event
-    from cubicfish_cli.app.viewpoints.truth import pose_table_text, true_corners_text
-    from cubicfish_cli.app.viewpoints.views import NearLens
-    from cubicfish_cli.core.assess.fit_record import FitRecord
-    from cubicfish_cli.core.files import write_files
-    from cubicfish_cli.core.io.camera_yaml import camera_text, load_camera
-    from cubicfish_cli.core.lenses.cubic import CubicCamera
+    from cubicfish.files.whole_files import write_files
+    from cubicfish.io.camera_yaml import camera_text, load_camera
+    from cubicfish.judge.fit_record import FitRecord
+    from cubicfish.models.cubic import CubicCamera
     from cubicfish_cli.extensions.simulation.simulate import (
         chosen_poses,
         photo_bytes,
         poses_of_table,
         simulated_photos,
     )
+    from cubicfish_cli.listener import Event
+    from cubicfish_cli.viewpoints.truth import pose_table_text, true_corners_text
+    from cubicfish_cli.viewpoints.views import NearLens
 
     thing, look, listener = target_in(options.target), options.look, run.listener
     listener.progress("Choosing where to take photos from")

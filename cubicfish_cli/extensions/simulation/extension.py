@@ -1,5 +1,5 @@
 """The extension's entry."""
 
-from cubicfish_cli.app.extensions import Extension
+from cubicfish_cli.extension_table import Extension
 
 EXTENSION = Extension(commands={"simulate": "cubicfish_cli.extensions.simulation.command:command"})

@@ -16,13 +16,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.viewpoints.truth import Pose, load_poses, nearest, plates, rotation_matrix
-from cubicfish_cli.app.viewpoints.views import WanderingPupil, WholeLens, choose_views, sample_views
-from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.errors import CorrespondenceError, TargetError
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.types import FloatArray, IntArray
-from cubicfish_cli.core.wording import quoted
+from cubicfish.angles import angle_from_axis
+from cubicfish.errors import CorrespondenceError, TargetError
+from cubicfish.target.target import Target
+from cubicfish.types import FloatArray, IntArray
+from cubicfish.wording import quoted
+from cubicfish_cli.viewpoints.truth import Pose, load_poses, nearest, plates, rotation_matrix
+from cubicfish_cli.viewpoints.views import WanderingPupil, WholeLens, choose_views, sample_views
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.simulation.command import LookOptions

@@ -6,13 +6,13 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from cubicfish_cli.app.lenses.point_fit import calibrate_points
-from cubicfish_cli.core.fit.calibrate import calibrate
-from cubicfish_cli.core.fit.calibration import Calibration
-from cubicfish_cli.core.io.camera_yaml import camera_text
-from cubicfish_cli.core.io.observations_csv import load_corners
-from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.target import load_target
+from cubicfish.fit.calibrate import calibrate
+from cubicfish.fit.calibration import Calibration
+from cubicfish.io.camera_yaml import camera_text
+from cubicfish.io.corners_csv import load_corners
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.target.target import load_target
+from cubicfish_cli.foreign.point_fit import calibrate_points
 
 SAMPLE = Path(__file__).parents[3] / "sample_data"
 

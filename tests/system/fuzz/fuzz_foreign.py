@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.app.lenses.file_contents import PlacedLens
-from cubicfish_cli.core.boards.types import Checkerboard
-from cubicfish_cli.core.target import Target
+from cubicfish.target.boards.types import Checkerboard
+from cubicfish.target.target import Target
 from cubicfish_cli.extensions.formats.mrcal_model import mrcal_text, read_mrcal
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
 from cubicfish_cli.extensions.formats.ocamcalib import (
@@ -17,6 +16,7 @@ from cubicfish_cli.extensions.formats.ocamcalib import (
     read_ocamcalib,
 )
 from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
+from cubicfish_cli.foreign.file_contents import PlacedLens
 
 SIZE = (640, 480)
 RAYS = np.array(

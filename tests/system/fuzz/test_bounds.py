@@ -12,31 +12,42 @@ import pytest
 from fuzz_readers import READERS
 
 import cubicfish_cli
-from cubicfish_cli.app.lenses import file_contents
-from cubicfish_cli.app.lenses.foreign_files import read_foreign
-from cubicfish_cli.core import plain_yaml, reading, tables
-from cubicfish_cli.core.errors import CubicfishError
+from cubicfish.errors import CubicfishError
+from cubicfish.files import plain_yaml, reading, tables
 from cubicfish_cli.extensions.formats import vnlog
 from cubicfish_cli.extensions.formats.nerfstudio_json import read_nerfstudio
+from cubicfish_cli.foreign import file_contents
+from cubicfish_cli.foreign.foreign_files import read_foreign
 
-ROOT = Path(cubicfish_cli.__file__).parent
-# Row of the table in core/reading.py -> modules whose bounds it has.
+ROOT = Path(cubicfish_cli.__file__).parents[1]
+# Row of the table in files/reading.py -> modules whose bounds it has.
 BOUNDED = {
-    "target.yaml": ("core/target", "core/plain_yaml"),
-    "camera.yaml, rig.yaml": ("core/io/camera_keys", "extensions/rigs/rig", "core/plain_yaml"),
-    "OpenCV, ROS, Kalibr, OCamCalib's text": (
-        "extensions/formats/opencv_cameras", "extensions/formats/ocamcalib",
+    "target.yaml": ("cubicfish/target/target", "cubicfish/files/plain_yaml"),
+    "camera.yaml, rig.yaml": (
+        "cubicfish/io/camera_keys",
+        "cubicfish_cli/extensions/rigs/rig",
+        "cubicfish/files/plain_yaml",
     ),
-    "Gyroflow's lens profile": ("extensions/formats/gyroflow_json", "app/lenses/file_contents"),
-    "JSON of nerfstudio": ("extensions/formats/nerfstudio_json", "app/lenses/file_contents"),
-    "COLMAP's cameras": ("extensions/formats/colmap_cameras",),
-    ".cameramodel": ("extensions/formats/mrcal_model", "core/plain_yaml"),
-    "tables: corners, pairs, poses": ("core/tables",),
-    "corners.vnl": ("extensions/formats/vnlog",),
-    "points, pixels": ("commands/points",),
-    "photos, each of those under way": ("app/photos",),
-}  # fmt: skip
-UNLISTED = {"app/fingerprint"}  # the digest of any input
+    "OpenCV, ROS, Kalibr, OCamCalib's text": (
+        "cubicfish_cli/extensions/formats/opencv_cameras",
+        "cubicfish_cli/extensions/formats/ocamcalib",
+    ),
+    "Gyroflow's lens profile": (
+        "cubicfish_cli/extensions/formats/gyroflow_json",
+        "cubicfish_cli/foreign/file_contents",
+    ),
+    "JSON of nerfstudio": (
+        "cubicfish_cli/extensions/formats/nerfstudio_json",
+        "cubicfish_cli/foreign/file_contents",
+    ),
+    "COLMAP's cameras": ("cubicfish_cli/extensions/formats/colmap_cameras",),
+    ".cameramodel": ("cubicfish_cli/extensions/formats/mrcal_model", "cubicfish/files/plain_yaml"),
+    "tables: corners, pairs, poses": ("cubicfish/files/tables",),
+    "corners.vnl": ("cubicfish_cli/extensions/formats/vnlog",),
+    "points, pixels": ("cubicfish_cli/commands/points",),
+    "photos, each of those under way": ("cubicfish_cli/photos/photos",),
+}
+UNLISTED = {"cubicfish_cli/fingerprint"}  # the digest of any input
 UNITS = {
     "BYTES": (("GB", 1e9), ("MB", 1e6)),
     "VALUES": (("million values", 1e6), ("values", 1)),
@@ -64,7 +75,10 @@ def test_the_list_of_bounds_has_every_reader_with_its_own() -> None:
             for kind, bound in bounds_of(module).items():
                 words = [f"{round(bound / one):,} {unit}" for unit, one in UNITS[kind]]
                 assert any(re.search(rf"\b{text}\b", listed[row]) for text in words), (row, module)
-    bounded = {path.relative_to(ROOT).with_suffix("").as_posix() for path in ROOT.rglob("*.py")}
+    bounded = {
+        path.relative_to(ROOT).with_suffix("").as_posix()
+        for path in ROOT.glob("cubicfish*/**/*.py")
+    }
     bounded = {module for module in bounded if bounds_of(module)}
     assert bounded == {one for modules in BOUNDED.values() for one in modules} | UNLISTED
 

@@ -123,7 +123,7 @@ def one_reader(args: argparse.Namespace) -> int:
     if args.engine == "atheris":
         import atheris
 
-        with atheris.instrument_imports(include=["cubicfish_cli"]):
+        with atheris.instrument_imports(include=["cubicfish", "cubicfish_cli"]):
             import fuzz_readers  # noqa: F401
     with tempfile.TemporaryDirectory(prefix="cubicfish-fuzz-") as folder:
         args.keep.mkdir(parents=True, exist_ok=True)

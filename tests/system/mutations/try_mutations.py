@@ -23,7 +23,7 @@ PROJECT = Path(__file__).resolve().parents[3]
 
 def noticed_by(mutation: Mutation, copy: Path) -> str | None:
     """The test that failed, or None."""
-    module = copy / "cubicfish_cli" / mutation.module
+    module = copy / mutation.module
     text = module.read_text(encoding="utf-8")
     module.write_text(text.replace(mutation.right, mutation.wrong), encoding="utf-8")
     try:

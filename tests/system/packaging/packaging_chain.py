@@ -21,7 +21,7 @@ from packaging_runs import QUICK, Sandbox, Step, wrongly_written
 
 def run(step: Step, sample: str) -> object:
     """The exit code of a command."""
-    from cubicfish_cli.app.terminal.start import main
+    from cubicfish_cli.terminal.start import main
 
     sys.argv = ["cubicfish", *(arg.format(sample=sample) for arg in step.args)]
     sys.stdin = io.TextIOWrapper(io.BytesIO(step.input.encode()))

@@ -52,7 +52,7 @@ def wheel_problems(wheel: Path, root: Path) -> list[str]:
     wrong = _differences(wanted, code, "the wheel")
     if f"{about}/licenses/LICENSE" not in held:
         wrong.append("the wheel has no LICENSE")
-    if "cubicfish = cubicfish_cli.app.terminal.start:main" not in entries:
+    if "cubicfish = cubicfish_cli.terminal.start:main" not in entries:
         wrong.append("the wheel installs no program cubicfish")
     if not pure:
         wrong.append("the wheel is not for every machine")

@@ -18,7 +18,7 @@ from packaging_content import PROJECT, load_project, lower_bounds, package_versi
 from packaging_programs import GUARD, SAMPLE
 from packaging_runs import CACHE, QUICK, Sandbox, Step, wrongly_written
 
-from cubicfish_cli.app.drawing import REPORT
+from cubicfish_cli.render.drawing import REPORT
 
 HERE = Path(__file__).parent
 REPORTS = all(find_spec(name) for name in REPORT)
@@ -229,10 +229,10 @@ def test_what_the_metadata_promise() -> None:
 def imported_libraries() -> set[str]:
     """The libraries that the package imports anywhere, and those they are useless without."""
     found = set()
-    for path in (PROJECT / "cubicfish_cli").rglob("*.py"):
+    for path in PROJECT.glob("cubicfish*/**/*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 found |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
                 found.add((node.module or "").split(".")[0])
-    return found - sys.stdlib_module_names - {"cubicfish_cli"}
+    return found - sys.stdlib_module_names - {"cubicfish", "cubicfish_cli"}

@@ -9,22 +9,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish_cli.app.listener import SILENT, Listener
-from cubicfish_cli.commands.calibration import observed
-from cubicfish_cli.core.assess.fit_record import NAN
-from cubicfish_cli.core.codes import Severity
-from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.core.fit.alignment import in_references_frame
-from cubicfish_cli.core.fit.deformable_target import LEVELS, Level, NominalTarget
-from cubicfish_cli.core.fit.fit_lens import FixedLens
-from cubicfish_cli.core.fit.folds import FOLDS, MIN_PHOTOS, dealt_out
-from cubicfish_cli.core.fit.left_out import LeaveOneOut
-from cubicfish_cli.core.fit.lenses import CubicFit
-from cubicfish_cli.core.fit.model_selection import RefineTarget
-from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.refinement import FIRST_SPREAD, estimate_spread
-from cubicfish_cli.core.fit.statistics import (
+from cubicfish.errors import FitError
+from cubicfish.find.identification.identified import Detection
+from cubicfish.fit.alignment import in_references_frame
+from cubicfish.fit.folds import FOLDS, MIN_PHOTOS, dealt_out
+from cubicfish.fit.lenses import CubicFit
+from cubicfish.fit.model_selection import RefineTarget
+from cubicfish.fit.refinement import FIRST_SPREAD, estimate_spread
+from cubicfish.io.camera_yaml import Calibrated
+from cubicfish.judge.codes import Severity
+from cubicfish.judge.fit_record import NAN
+from cubicfish.models.cubic import CubicCamera, pole_or_fold_deg
+from cubicfish.models.sphere import cone_rays
+from cubicfish.solve.adjustment import WARM_DAMPING, Adjustment, adjust
+from cubicfish.solve.deformable_target import LEVELS, Level, NominalTarget
+from cubicfish.solve.fit_lens import FixedLens
+from cubicfish.solve.leave_one_out import LeaveOneOut
+from cubicfish.solve.poses import Poses
+from cubicfish.solve.statistics import (
     error_statistics,
     huber_px,
     noise_px,
@@ -32,15 +34,12 @@ from cubicfish_cli.core.fit.statistics import (
     rms_px,
     weighed,
 )
-from cubicfish_cli.core.fit.subset import select, world_scale
-from cubicfish_cli.core.io.camera_yaml import Calibrated
-from cubicfish_cli.core.lenses.cubic import CubicCamera, pole_or_fold_deg
-from cubicfish_cli.core.lenses.sphere import cone_rays
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.threads import one_blas_thread
-from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.corners.identification.identified import Detection
+from cubicfish.solve.subset import select, world_scale
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target
+from cubicfish.threads import one_blas_thread
+from cubicfish.types import FloatArray
+from cubicfish_cli.commands.calibration import observed
 from cubicfish_cli.extensions.rigs.fit.evaluate import camera_pairs, shot_errors
 from cubicfish_cli.extensions.rigs.fit.faults import (
     Moved,
@@ -56,6 +55,7 @@ from cubicfish_cli.extensions.rigs.fit.start import connected, refuse_exchanged,
 from cubicfish_cli.extensions.rigs.fit.times import Motion, Moving, Timing, on_time
 from cubicfish_cli.extensions.rigs.fit.views import Alone, JoinedViews, calibrate_alone
 from cubicfish_cli.extensions.rigs.rig import ErrorsInRig, Rig, RigCamera, RigFit, refuse_name
+from cubicfish_cli.listener import SILENT, Listener
 
 # While cameras and shots are far off, the loss must still feel every corner.
 _WIDE_HUBER_PX = 50.0

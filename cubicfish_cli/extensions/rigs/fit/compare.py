@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.comparison import Comparison, compare
-from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.geometry import camera_centre
-from cubicfish_cli.core.types import FloatArray
+from cubicfish.errors import FitError
+from cubicfish.geometry import camera_centre
+from cubicfish.types import FloatArray
+from cubicfish_cli.comparison import Comparison, compare
 from cubicfish_cli.extensions.rigs.rig import Rig, RigCamera, sigmas_of
 
 

@@ -9,19 +9,19 @@ from itertools import combinations
 
 import numpy as np
 
+from cubicfish.errors import FitError
+from cubicfish.find.identification.identified import Detection
+from cubicfish.fit.evaluate import evaluate
+from cubicfish.judge.fit_record import NAN, ErrorStatistics
+from cubicfish.solve.adjustment import Adjustment, adjust
+from cubicfish.solve.fit_lens import FixedLens
+from cubicfish.solve.poses import Poses
+from cubicfish.solve.statistics import error_statistics, photo_records, rms_px
+from cubicfish.solve.subset import select
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target
+from cubicfish.threads import one_blas_thread
 from cubicfish_cli.commands.calibration import observed
-from cubicfish_cli.core.assess.fit_record import NAN, ErrorStatistics
-from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.adjustment import Adjustment, adjust
-from cubicfish_cli.core.fit.evaluate import evaluate
-from cubicfish_cli.core.fit.fit_lens import FixedLens
-from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.statistics import error_statistics, photo_records, rms_px
-from cubicfish_cli.core.fit.subset import select
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.threads import one_blas_thread
-from cubicfish_cli.corners.identification.identified import Detection
 from cubicfish_cli.extensions.rigs.fit.names import with_agreeing_names
 from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.shots import TOLERANCE, Matching, Times, match_shots

@@ -7,13 +7,13 @@ from functools import cached_property
 import numpy as np
 from scipy.special import fdtrc
 
-from cubicfish_cli.app.diagnosis.photo_lenses import best_cut
-from cubicfish_cli.core.codes import Code, Severity
-from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.adjustment import Adjustment, linearise
-from cubicfish_cli.core.fit.statistics import noise_px
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish.judge.codes import Code, Severity
+from cubicfish.judge.finding import Finding
+from cubicfish.solve.adjustment import Adjustment, linearise
+from cubicfish.solve.statistics import noise_px
+from cubicfish.target.observations import Observations
+from cubicfish.types import FloatArray, IntArray
+from cubicfish_cli.diagnosis.photo_lenses import best_cut
 from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.start import RigStart
 from cubicfish_cli.extensions.rigs.fit.times import Clocks, Timing, clocks_of

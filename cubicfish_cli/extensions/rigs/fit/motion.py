@@ -4,8 +4,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish.solve.poses import Poses
+from cubicfish.types import FloatArray, IntArray
 
 
 def paths_between(

@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.subset import world_scale
-from cubicfish_cli.core.placement import chosen, symmetries
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.types import IntArray
+from cubicfish.solve.poses import Poses
+from cubicfish.solve.subset import world_scale
+from cubicfish.target.placement import chosen, symmetries
+from cubicfish.target.target import Target
+from cubicfish.types import IntArray
 from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.start import apart, median_pose
 from cubicfish_cli.extensions.rigs.fit.views import JoinedViews

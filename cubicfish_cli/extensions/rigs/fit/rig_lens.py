@@ -13,9 +13,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from cubicfish_cli.core.fit.fit_lens import FitLens
-from cubicfish_cli.core.fit.poses import Poses, cross_matrix, rotation_from_vector
-from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish.solve.fit_lens import FitLens
+from cubicfish.solve.poses import Poses, cross_matrix, rotation_from_vector
+from cubicfish.types import FloatArray, IntArray
 
 _PLACE = 6  # a turn and a shift of camera_from_rig
 # How late a camera usually is, is held so much less firmly than its photos are to that.
@@ -185,7 +185,7 @@ class RigLens(FitLens):
     def by_body(
         self, photos: IntArray, shots: Poses, by_lens: FloatArray, by_view: FloatArray
     ) -> tuple[FloatArray, IntArray, FloatArray]:
-        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
+        """See :class:`~cubicfish.solve.fit_lens.FitLens`."""
         camera = int(self.camera[photos[0]])
         parts = [by_lens]
         if camera:

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
-from cubicfish_cli.app.photos import shown
-from cubicfish_cli.core.errors import CorrespondenceError, FitError, UsageError
-from cubicfish_cli.core.frame_names import film_and_time
-from cubicfish_cli.core.tables import read_table
-from cubicfish_cli.core.wording import quoted
+from cubicfish.errors import CorrespondenceError, FitError, UsageError
+from cubicfish.files.frame_names import film_and_time
+from cubicfish.files.tables import read_table
+from cubicfish.wording import quoted
+from cubicfish_cli.photos.photos import shown
 
 TOLERANCE = 5e-3
 """How far apart photos of one time may be, seconds."""

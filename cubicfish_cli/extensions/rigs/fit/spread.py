@@ -10,15 +10,15 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.core.fit.adjustment import Adjustment
-from cubicfish_cli.core.fit.fit_lens import FitLens
-from cubicfish_cli.core.fit.folds import MIN_PHOTOS, dealt_out
-from cubicfish_cli.core.fit.left_out import LeaveOneOut
-from cubicfish_cli.core.fit.lenses import CubicFit
-from cubicfish_cli.core.fit.photo_spread import MOST_CLUSTERS, variance_of_few
-from cubicfish_cli.core.fit.poses import cross_matrix
-from cubicfish_cli.core.fit.uncertainty import Gauge, corner_noise_px
-from cubicfish_cli.core.types import FloatArray
+from cubicfish.fit.folds import MIN_PHOTOS, dealt_out
+from cubicfish.fit.lenses import CubicFit
+from cubicfish.fit.photo_spread import MOST_CLUSTERS, variance_of_few
+from cubicfish.fit.uncertainty import Gauge, corner_noise_px
+from cubicfish.solve.adjustment import Adjustment
+from cubicfish.solve.fit_lens import FitLens
+from cubicfish.solve.leave_one_out import LeaveOneOut
+from cubicfish.solve.poses import cross_matrix
+from cubicfish.types import FloatArray
 from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.times import Timing
 

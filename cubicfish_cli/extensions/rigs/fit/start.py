@@ -15,14 +15,14 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.evaluate import evaluate
-from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.statistics import noise_px
-from cubicfish_cli.core.io.camera_yaml import Calibrated
-from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+from cubicfish.errors import FitError
+from cubicfish.fit.evaluate import evaluate
+from cubicfish.io.camera_yaml import Calibrated
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.solve.poses import Poses
+from cubicfish.solve.statistics import noise_px
+from cubicfish.target.observations import Observations
+from cubicfish.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.views import JoinedViews
 

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, linearise
-from cubicfish_cli.core.fit.normal_equations import solve_scaled
-from cubicfish_cli.core.fit.statistics import huber_px, noise_px
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+from cubicfish.solve.adjustment import WARM_DAMPING, Adjustment, linearise
+from cubicfish.solve.normal_equations import solve_scaled
+from cubicfish.solve.statistics import huber_px, noise_px
+from cubicfish.target.observations import Observations
+from cubicfish.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.extensions.rigs.fit.motion import paths_between
 from cubicfish_cli.extensions.rigs.fit.rig_lens import PhotoTimes, RigLens
 from cubicfish_cli.extensions.rigs.fit.shots import times_of

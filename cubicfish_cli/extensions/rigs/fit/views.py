@@ -7,25 +7,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cubicfish_cli.app.diagnosis.diagnose import find_faults
-from cubicfish_cli.core.assess.fit_record import FitRecord
-from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.finding import Finding, FindingText
-from cubicfish_cli.core.fit.calibrate import calibrate
-from cubicfish_cli.core.fit.cubic_fit import fit_cubic, with_prior
-from cubicfish_cli.core.fit.deformable_target import Level
-from cubicfish_cli.core.fit.evaluate import Evaluation, evaluate
-from cubicfish_cli.core.fit.fit_lens import FitLens, FixedLens
-from cubicfish_cli.core.fit.lenses import CubicFit
-from cubicfish_cli.core.fit.model_selection import RefineTarget
-from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
-from cubicfish_cli.core.fit.radial_reference import radial_near
-from cubicfish_cli.core.fit.subset import select, with_mean_weight_one
-from cubicfish_cli.core.io.camera_yaml import Calibrated
-from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish.errors import FitError
+from cubicfish.fit.calibrate import calibrate
+from cubicfish.fit.cubic_fit import fit_cubic, with_prior
+from cubicfish.fit.evaluate import Evaluation, evaluate
+from cubicfish.fit.lenses import CubicFit
+from cubicfish.fit.model_selection import RefineTarget
+from cubicfish.fit.radial_reference import radial_near
+from cubicfish.io.camera_yaml import Calibrated
+from cubicfish.judge.finding import Finding, FindingText
+from cubicfish.judge.fit_record import FitRecord
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.solve.deformable_target import Level
+from cubicfish.solve.fit_lens import FitLens, FixedLens
+from cubicfish.solve.poses import Poses, rotation_from_vector
+from cubicfish.solve.subset import select, with_mean_weight_one
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target
+from cubicfish.types import FloatArray, IntArray
+from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.shots import Shots
 from cubicfish_cli.extensions.rigs.rig import half_field_deg

@@ -1,0 +1,5 @@
+"""Files that nobody vouches for, and files that appear whole or not at all.
+
+`reading.py` bounds what is read, `plain_yaml.py` and `tables.py` parse it and name the line of an
+error, `whole_files.py` writes. `frame_names.py` says what frames of films are called.
+"""

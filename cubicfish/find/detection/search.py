@@ -1,0 +1,253 @@
+"""One scale of a photo -> grids of sub-pixel checkerboard corners, and pieces that may be more."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import compress
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from cubicfish.find.detection.accept import (
+    hang_together,
+    is_beyond_chance,
+    is_board,
+    is_large_enough,
+)
+from cubicfish.find.detection.corners import XCorners, find_corners
+from cubicfish.find.detection.crossing import Crossings
+from cubicfish.find.detection.growth import clean, grow, measure_contrast
+from cubicfish.find.detection.lattice import Lattice, window
+from cubicfish.find.detection.links import Patch, find_patches
+from cubicfish.find.detection.nearby import nearest
+from cubicfish.find.detection.pyramid import Pyramid
+from cubicfish.find.detection.refine import measures, refine_pixels, whole_corners
+from cubicfish.find.detection.seeds import SURE_CORNERS, find_promising
+from cubicfish.types import BoolArray, FloatArray, IntArray
+
+# Texture has squares by the hundred. Boards have the largest pieces, so they come first; after
+# this many pieces that did not grow into a board the search is over.
+_MOST_FAILURES = 40
+_SQUARE = 4  # corners
+# A grid that has grown to so many times the corners it had, and these at least, goes on growing
+# only if it would be a board. That is one that keeps this share of its corners: of a board's nearly
+# all stay.
+_GROWN, _GROWN_LEAST, _KEPT_SHARE = 2, 64, 0.25
+# What is judged by medians is judged by about so many corners of a grid: they are known to a sixth
+# of their spread then.
+_JUDGED, _BLOCK = 50, 4  # in blocks of cells, since corners are held against those around
+# A crossing looks like a grid's when its radius is this share of a side, or as large as rings
+# surely are, and it has this share of the contrast.
+_LIKE_SHARE, _FAR_PX, _LIKE_CONTRAST = 0.3, 10.0, 0.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Seen:
+    """A grid at one scale.
+
+    Attributes:
+        lattice: its corners, pixels of that scale.
+        found: their fits, in the order of the lattice's cells.
+
+    """
+
+    lattice: Lattice
+    found: Crossings
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SearchResult:
+    """What one scale of a photo shows.
+
+    Attributes:
+        grids: the accepted grids, larger patches first.
+        refused: candidate corners that belong to no grid, pixels of that scale.
+        pieces: for each patch that is part of no grid its corners (K, 2), the same pixels; the
+            larger ones first, and not all where there are very many.
+        grown: how many patches were grown, whether they became grids or not.
+
+    """
+
+    grids: list[Seen]
+    refused: XCorners
+    pieces: list[FloatArray]
+    grown: int = 0
+
+    def moved(self, shift: FloatArray, gain: float) -> SearchResult:
+        """The same where the first pixel lies at ``shift`` (2,), contrasts times ``gain``."""
+        grids = []
+        for one in self.grids:
+            lattice = copy.deepcopy(one.lattice)
+            lattice.pixel += shift
+            lattice.contrast *= gain
+            found = replace(one.found, pixel=one.found.pixel + shift)
+            grids.append(Seen(lattice=lattice, found=found))
+        refused = replace(
+            self.refused, pixel=self.refused.pixel + shift, contrast=self.refused.contrast * gain
+        )
+        pieces = [piece + shift for piece in self.pieces]
+        return SearchResult(grids=grids, refused=refused, pieces=pieces, grown=self.grown)
+
+
+_NO_CORNERS = XCorners(
+    pixel=np.zeros((0, 2)), angle=np.zeros((0, 4)), radius=np.zeros(0), contrast=np.zeros(0)
+)
+NOTHING_SEEN = SearchResult(grids=[], refused=_NO_CORNERS, pieces=[])
+
+
+def search(pyramid: Pyramid, known: Sequence[Lattice] = ()) -> SearchResult:
+    """Find all grids in the pyramid but those that are known."""
+    corners = find_corners(pyramid)
+    for lattice in known:
+        cells = lattice.cells()
+        taken = _find_taken(corners.pixel, lattice.at(cells), lattice.fit(cells).side)
+        corners = corners.select(~taken)
+    grid = np.full(len(corners.pixel), -1)  # which each corner is part of
+    candidates = cKDTree(corners.pixel)
+    found: list[Seen] = []
+    failures = 0
+    patches = find_patches(pyramid, corners)
+    sure = sum(len(patch.corner) >= SURE_CORNERS for patch in patches)
+    for group in (patches[:sure], patches[sure:]):
+        # Where large pieces became grids the small ones need no look.
+        left = [patch for patch in group if (grid[patch.corner] < 0).all()]
+        for patch in compress(left, find_promising(pyramid, corners, left, candidates)):
+            if failures == _MOST_FAILURES or (grid[patch.corner] >= 0).any():
+                continue
+            seen = _grow_patch(pyramid, corners, patch, candidates)
+            if seen is None:
+                failures += 1
+                continue
+            cells = seen.lattice.cells()
+            fit = seen.lattice.fit(cells)
+            taken = _find_taken(corners.pixel, seen.lattice.at(cells), fit.side)
+            grid[taken & (grid < 0)] = len(found)
+            candidates = cKDTree(corners.pixel[grid < 0])
+            found.append(seen)
+    unexplained = [
+        corners.pixel[patch.corner]
+        for patch in patches
+        if len(patch.corner) >= _SQUARE and (grid[patch.corner] < 0).all()
+    ]
+    loose = corners.select(grid < 0)
+    kept = [k for k, one in enumerate(found) if is_beyond_chance_among(one.lattice, loose)]
+    return SearchResult(
+        grids=[found[k] for k in kept],
+        refused=corners.select(~np.isin(grid, kept)),
+        pieces=unexplained[:_MOST_FAILURES],
+        grown=len(found) + failures,
+    )
+
+
+def is_beyond_chance_among(lattice: Lattice, crossings: XCorners, zoom: float = 1.0) -> bool:
+    """Judge a grid by what crossings like its own there are that no grid explains.
+
+    Args:
+        lattice: the grid.
+        crossings: those that no grid explains.
+        zoom: size of a pixel of the lattice / size of one of the crossings'.
+
+    """
+    cells = lattice.cells()
+    side = zoom * float(np.median(lattice.fit(cells).side))
+    contrast = _LIKE_CONTRAST * float(np.median(lattice.contrast[lattice.known]))
+    like = crossings.radius >= min(_LIKE_SHARE * side, _FAR_PX)
+    like &= crossings.contrast >= contrast
+    return is_beyond_chance(len(cells), int(like.sum()))
+
+
+def _grow_patch(
+    pyramid: Pyramid, corners: XCorners, patch: Patch, candidates: cKDTree
+) -> Seen | None:
+    """Grow a patch into a grid; None when it turns out not to be a board."""
+    lattice = patch.lattice(corners)
+    measure_contrast(pyramid, lattice)
+    clean(lattice)
+    if lattice.known.sum() < _SQUARE:
+        return None
+    while grow(pyramid, lattice, candidates, max(_GROWN_LEAST, _GROWN * lattice.known.sum())):
+        if _judge(pyramid, copy.deepcopy(lattice)) is None:
+            return None  # over dots it would grow on and on
+    return _judge(pyramid, lattice)
+
+
+def _judge(pyramid: Pyramid, lattice: Lattice) -> Seen | None:
+    """Drop what contradicts the rest of a grid or hangs on a single link; None if it is no board.
+
+    Of a large grid some corners stand for all: they are fitted here, and nowhere else.
+    """
+    clean(lattice)
+    if not is_large_enough(lattice):
+        return None
+    cells = lattice.cells()
+    blocks = (cells // _BLOCK).sum(1) % max(1, len(cells) // _JUDGED)
+    some = cells[blocks == np.bincount(blocks).argmax()]
+    found, good = verify(pyramid, lattice, some)
+    lattice.drop(some[~good])
+    clean(lattice)
+    if good.mean() < _KEPT_SHARE or not is_large_enough(lattice):
+        return None
+    cells = lattice.cells()
+    lattice.drop(cells[~hang_together(lattice.known)[cells[:, 0], cells[:, 1]]])
+    kept = lattice.known[some[:, 0], some[:, 1]]
+    seen = Seen(lattice=lattice, found=found.select(kept))
+    return seen if kept.any() and is_board(lattice, some[kept], seen.found) else None
+
+
+def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, int]:
+    """Move corners to their sub-pixel positions and drop those that fail a test.
+
+    Returns the fits of the corners that stay, in the order of the cells, and how many went.
+    """
+    lattice.make_room()
+    cells = lattice.cells()
+    found, good = verify(pyramid, lattice, cells)
+    lattice.drop(cells[~good])
+    clean(lattice)
+    kept = lattice.known[cells[:, 0], cells[:, 1]]
+    return found.select(kept), int((~kept).sum())
+
+
+def judge_whole(lattice: Lattice, found: Crossings) -> bool:
+    """Drop corners that hang on a single link, and tell whether the rest is a board.
+
+    ``found`` are the fits of all corners, in the order of the cells.
+    """
+    cells = lattice.cells()
+    connected = hang_together(lattice.known)[cells[:, 0], cells[:, 1]]
+    lattice.drop(cells[~connected])
+    if not connected.any():
+        return False
+    return is_board(lattice, cells[connected], found.select(connected))
+
+
+def verify(pyramid: Pyramid, lattice: Lattice, cells: IntArray) -> tuple[Crossings, BoolArray]:
+    """Move some corners (N, 2) to their sub-pixel positions: fits, and which pass all tests."""
+    fit = lattice.fit(cells)
+    pixel = lattice.at(cells)
+    found = refine_pixels(pyramid, pixel, fit)
+    sign = lattice.sign(cells)
+    lattice.put(cells, found.pixel, found.contrast(sign))
+    around = _take_median_around(measures(found, sign), lattice, cells)
+    moved = np.hypot(*(found.pixel - pixel).T)
+    return found, whole_corners(found, sign, fit.side, moved, around, pyramid.noise)
+
+
+def _take_median_around(values: FloatArray, lattice: Lattice, cells: IntArray) -> FloatArray:
+    """Medians (N, K) over the known corners of the 5x5 cells around, of (N, K) values of cells."""
+    every = np.full((*lattice.known.shape, values.shape[1]), np.inf)
+    every[cells[:, 0], cells[:, 1]] = values
+    around = cells[:, None] + window(2)
+    inorder = np.sort(every[around[..., 0], around[..., 1]], axis=1)
+    count = np.isfinite(inorder[..., :1]).sum(1, keepdims=True)
+    low = np.take_along_axis(inorder, (count - 1) // 2, axis=1)
+    return 0.5 * (low + np.take_along_axis(inorder, count // 2, axis=1))[:, 0]
+
+
+def _find_taken(points: FloatArray, pixel: FloatArray, side: FloatArray) -> BoolArray:
+    if not len(points):
+        return np.zeros(0, bool)
+    distance, index = nearest(points, pixel, 1)
+    return distance[:, 0] < 0.3 * side[index[:, 0]]

@@ -1,0 +1,323 @@
+"""What became of grids and photos: places on the target, named corners, and remarks on them.
+
+What many photos share is said once. Of targets with markers ids name the corners photo by photo;
+boards without markers on the same target are named afterwards, in the second pass: by then the
+marked boards have given the lens and where each photo was taken from.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cubicfish.find.detection.grids import FoundGrids, Grid
+from cubicfish.judge.codes import Code, Severity
+from cubicfish.judge.finding import Finding
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target
+from cubicfish.types import BoolArray
+from cubicfish.wording import Brief, listed
+
+if TYPE_CHECKING:  # tables have no grids to be named, and ask for none of what names them
+    from cubicfish.find.detection.markers import MarkedCorners
+    from cubicfish.find.identification.scene import Scene
+
+
+class Decided(Enum):
+    """What became of a grid."""
+
+    NAMED = "named"
+    CONVENTION = "named by convention"
+    AMBIGUOUS = "ambiguous"
+    SLIDE = "undecidable"
+    TWIN = "one of several boards alike"
+    NO_FIT = "fits no place"
+    TOO_LARGE = "larger than every board"
+    COLOURS = "light where the board is dark"
+    NOT_PLANE = "not a plane of squares"
+
+
+FEWEST_CORNERS = 12
+"""A grid of fewer corners may be anything: it says nothing of why others have no place."""
+CODES = {
+    Decided.CONVENTION: Code.BY_CONVENTION,
+    Decided.AMBIGUOUS: Code.AMBIGUOUS,
+    Decided.SLIDE: Code.SLIDES,
+    Decided.TWIN: Code.LOOKS_LIKE_ANOTHER,
+    Decided.NO_FIT: Code.FITS_NOWHERE,
+    Decided.TOO_LARGE: Code.TOO_LARGE,
+    Decided.COLOURS: Code.OTHER_COLOURS,
+    Decided.NOT_PLANE: Code.NO_PLANE,
+}
+"""What is reported of a grid, by what became of it."""
+# What another lens makes of a board, as well as another nominal target.
+_ODD = (Decided.NO_FIT, Decided.NOT_PLANE)
+# Figures of a grid, in which those that share the rest may differ.
+_OF_GRID = frozenset(("grids", "columns", "rows", "corners"))
+# Figures of a photo, of which the largest is reported of several.
+_OF_PHOTO = frozenset(("error_px", "times"))
+# Figures of what was seen where no grid was found, of which the first photo's are reported.
+_OF_SIGHT = frozenset(("side_px", "blur_px", "seen_at", "dots"))
+_OF_ONE = _OF_GRID | _OF_PHOTO | _OF_SIGHT
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Where on the target a grid lies.
+
+    Corner (i, j) of the grid is corner turn · (i, j) + (column, row) of the board.
+
+    Attributes:
+        board: index into the target's boards.
+        turn: quarter turns, index into :data:`cubicfish.target.placement.TURNS`.
+        column, row: where the grid's cell (0, 0) lies on the board.
+
+    """
+
+    board: int
+    turn: int
+    column: int
+    row: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GridReport:
+    """What became of one grid.
+
+    Attributes:
+        verdict: named, or why not.
+        place: where it lies, None when it was left out.
+        corners: how many corners it has.
+        size: columns and rows of its bounding box; where it was left out, without lines of one or
+            two corners at its rim.
+        rms_px: how well it fits its name under the lens of the scene; NaN when unknown.
+
+    """
+
+    verdict: Decided
+    place: Place | None
+    corners: int
+    size: tuple[int, int]
+    rms_px: float
+
+    @property
+    def named(self) -> bool:
+        """Whether its corners are among the named ones."""
+        return self.place is not None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Identified:
+    """The named corners of all photos.
+
+    Attributes:
+        corners: the named corners; photos without any are listed in ``images`` all the same.
+        found: for each photo, its grids, without the strays that were cut off.
+        grids: for each photo, what became of each of its grids.
+        exact: (M,) whether the photo's corners are surely these corners of the target. False
+            where a board seen in part may be a few squares further along its plane: as good
+            for a lens, but not for measuring the target.
+        other_colours: whether the only board is light where the target says that it is dark, in
+            most photos that tell.
+        scene: the grids under the lens; None where there is none.
+
+    """
+
+    corners: Observations
+    found: tuple[tuple[Grid, ...], ...]
+    grids: tuple[tuple[GridReport, ...], ...]
+    exact: BoolArray
+    other_colours: bool = False
+    scene: Scene | None = None
+
+
+def marked_corners(
+    marked: Sequence[MarkedCorners],
+    target: Target,
+    image_size: tuple[int, int],
+    images: Sequence[str],
+) -> Observations:
+    """What markers named in each of the photos, as one table sorted by photo.
+
+    Args:
+        marked: one for each photo.
+        target: the calibration target.
+        image_size: (width, height) of all photos, pixels.
+        images: the photos' names.
+
+    """
+    image = np.repeat(np.arange(len(marked)), [len(one) for one in marked])
+    board, column, row = (
+        np.concatenate([getattr(one, name) for one in marked]).astype(np.intp)
+        for name in ("board", "column", "row")
+    )
+    pixel = np.concatenate([one.pixel for one in marked])
+    return (
+        Observations(
+            image_size=image_size,
+            images=tuple(images),
+            boards=target.board_names,
+            image=image,
+            board=board,
+            column=column,
+            row=row,
+            pixel=pixel,
+        )
+        .with_target(target)
+        .in_order()
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PhotoReport:
+    """What became of one photo.
+
+    Attributes:
+        name: the photo's name.
+        refusal: why nothing was looked for, or found, in it; None where something was.
+        remarks: what is reported of its grids and boards: left out, or named by convention.
+        boards: names of the boards that were found in it, in the target's order.
+        corners: how many corners were named.
+        added: how many of them a second pass added.
+        exact: whether these are surely the corners that they are named as; see
+            :class:`cubicfish.find.identification.identified.Identified`.
+        found: everything that was found in it, named or not; None when it could not be used.
+        grids: what became of each of ``found.grids``.
+
+    """
+
+    name: str
+    refusal: Finding | None = None
+    remarks: tuple[Finding, ...] = ()
+    boards: tuple[str, ...] = ()
+    corners: int = 0
+    added: int = 0
+    exact: bool = True
+    found: FoundGrids | None = None
+    grids: tuple[GridReport, ...] = ()
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is reported of it, thing by thing."""
+        return self.remarks if self.refusal is None else (self.refusal,)
+
+    @property
+    def lost(self) -> bool:
+        """Whether it gave no corners, for a reason that is known."""
+        none_named = bool(self.grids) and not any(grid.named for grid in self.grids)
+        return self.refusal is not None or (none_named and bool(self.remarks))
+
+    @property
+    def loss(self) -> Finding | None:
+        """Why it gave no corners: the remarks on it, or of its largest grid; None when it did."""
+        if not self.lost:
+            return None
+        if self.refusal is not None:
+            return self.refusal
+        return max(self.remarks, key=lambda one: one.figures["corners"])
+
+    @property
+    def problem(self) -> str | None:
+        """One line that says why it gave no corners; None when it did."""
+        return "; ".join(finding.line for finding in self.findings) if self.lost else None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """One line for each grid that was left out, or named by convention."""
+        return tuple(remark.line for remark in self.remarks)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Detection(Brief):
+    """The corners found in a set of photos.
+
+    Attributes:
+        corners: the named corners; ``images`` are the photos that have some.
+        photos: a report on every photo, in the order given.
+        findings: what is likely wrong with photos or target, where many grids fit nowhere.
+        other_colours: whether the only board is light where the target says that it is dark.
+
+    """
+
+    corners: Observations
+    photos: tuple[PhotoReport, ...]
+    findings: tuple[Finding, ...] = ()
+    other_colours: bool = False
+
+
+def nominal_target_fits(grids: Sequence[Sequence[GridReport]], target: Target) -> bool:
+    """Whether most photos fit the nominal target, and each of its boards does in some.
+
+    Then a grid that fits nowhere says something of its photo, and nothing of the nominal target.
+
+    Args:
+        grids: for each photo, what became of its grids.
+        target: the calibration target.
+
+    """
+    large = [[grid for grid in own if grid.corners >= FEWEST_CORNERS] for own in grids]
+    fitting = sum(bool(own) and all(grid.named for grid in own) for own in large)
+    odd = sum(any(grid.verdict in _ODD for grid in own) for own in large)
+    seen = {grid.place.board for own in large for grid in own if grid.place}
+    boards = {index for index, board in enumerate(target.boards) if board.has_squares}
+    return fitting > odd and seen == boards
+
+
+def remark_of(photo: str, grid: GridReport, *, odd: bool = False) -> Finding | None:
+    """What is to be said of a grid; None where it is simply named.
+
+    Args:
+        photo: the photo that shows it.
+        grid: what became of it.
+        odd: whether the nominal target fits other photos, so that a grid that it does not fit is
+            odd.
+
+    """
+    if grid.verdict is Decided.NAMED:
+        return None
+    columns, rows = grid.size
+    return Finding(
+        code=CODES[grid.verdict],
+        case="odd" if odd and grid.verdict in _ODD else "",
+        severity=Severity.NOTE if grid.named else Severity.CARE,
+        images=(photo,),
+        figures={"grids": 1, "columns": columns, "rows": rows, "corners": grid.corners},
+    )
+
+
+def remark_lines(findings: Sequence[Finding]) -> list[str]:
+    """One line for what several photos share, with their count and first names.
+
+    The lines come in the order in which something of the kind is first said.
+    """
+    groups: defaultdict[object, list[Finding]] = defaultdict(list)
+    for one in findings:
+        rest = tuple((key, one.figures[key]) for key in one.figures if key not in _OF_ONE)
+        groups[one.code, one.case, one.boards, rest].append(one)
+    return [line for own in groups.values() for line in _write_lines(own)]
+
+
+def line_of(finding: Finding) -> str:
+    """A line about one photo, with its name."""
+    if finding.code is Code.CANNOT_BE_READ:  # the photo's error names the file
+        return finding.line
+    return f"{finding.images[0]}: {finding.line}"
+
+
+def _write_lines(own: Sequence[Finding]) -> list[str]:
+    photos = tuple(dict.fromkeys(name for one in own for name in one.images))
+    if len(photos) == 1:
+        return [line_of(one) for one in own]
+    worst = {key: max(one.figures[key] for one in own) for key in _OF_PHOTO & own[0].figures.keys()}
+    together = replace(own[0], images=photos, figures={**own[0].figures, **worst})
+    if "grids" in together.figures:
+        sizes = [(one.figures["columns"], one.figures["rows"]) for one in own]
+        columns, rows = max((max(size), min(size)) for size in sizes)
+        size = {"grids": len(own), "columns": columns, "rows": rows}
+        together = replace(together, figures={**together.figures, **size})
+    return [f"{len(photos)} photos ({listed(photos, 'photos')}): {together.line}"]

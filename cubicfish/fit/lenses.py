@@ -1,0 +1,335 @@
+"""The cubic in least squares, and the pseudo-observations of its prior."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from cubicfish.fit.asymmetric import BentFit, StillRays
+from cubicfish.models.lift import evaluate_cubics, lift, sphere_basis
+from cubicfish.models.pupil import from_pupil, from_pupil_and_slopes
+from cubicfish.solve.fit_lens import FitLens
+from cubicfish.solve.normal_equations import gram, solve_scaled
+from cubicfish.types import BoolArray, FloatArray
+
+# From a lens that is near, Gauss-Newton reaches the nearest one in this many steps.
+_NEAREST_ROUNDS = 2
+# Least squared share of a parameter's effect that no other parameter has.
+_DISTINCT = 1e-13
+# The columns on which an image of distant points depends, and that of 1.
+_FAR = np.delete(np.arange(49), 47)
+WEIGHT_BEYOND = 0.1
+"""Largest weight of pseudo-observations where no corners are."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NearestCubic:
+    """The cubic that is nearest to a radial lens over the field that corners fill.
+
+    Attributes:
+        rays: (M, 3) unit rays, past the valid cone.
+        within: (M,) which of them are as far from the axis as corners are.
+        lens: the cubic, without a prior.
+        miss: (M, 2) its pixels less the radial lens's at the rays.
+        share: weight of the rays beyond corners by which it was found; 0 where none gave a cubic
+            without a pole.
+
+    """
+
+    rays: FloatArray
+    within: BoolArray
+    lens: CubicFit
+    miss: FloatArray
+    share: float = 0.0
+
+    @property
+    def weights(self) -> FloatArray:
+        """(M,) weights of rays in a linear solution: beyond corners the lens is a guess."""
+        return np.where(self.within, 1.0, WEIGHT_BEYOND)
+
+    @cached_property
+    def parts(self) -> tuple[slice, slice, slice]:
+        """The rays as far from the axis as corners are, those before, and those after them.
+
+        Rays go outwards, so that each part is a row of them.
+        """
+        own = np.flatnonzero(self.within)
+        first, stop = (int(own[0]), int(own[-1]) + 1) if own.size else (0, 0)
+        return slice(first, stop), slice(0, first), slice(stop, None)
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """(M, 16) the basis of cubics on the sphere at the rays, which are fixed."""
+        return lift(self.rays) @ sphere_basis()
+
+    @cached_property
+    def still(self) -> StillRays:
+        """The rays as the lenses of P's prior see them."""
+        return StillRays.of(self.rays)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RayPrior:
+    """Pseudo-observations that tie a lens to the nearest bent one.
+
+    The bent lens is as free as its kind allows: it follows, so that the prior does not fix what
+    corners say about both lenses. Where no cubic can follow it, the prior ties P to the cubic that
+    comes nearest: a firm prior would otherwise lead to some other lens, which a cubic meets better.
+
+    Attributes:
+        near: the rays, and the nearest cubic, near whose denominators P's are to stay.
+        lens: a bent lens that is near; the nearest cubic misses it as it misses the radial lens.
+        weight: factor of the residuals, among corners.
+        denominator_weight: pixels that a relative change of P3Φ by 1 counts as.
+
+    """
+
+    near: NearestCubic
+    lens: BentFit
+    weight: float
+    denominator_weight: float
+
+    @cached_property
+    def denominators(self) -> FloatArray:
+        """(17, 17) Gram matrix of P3Φ's relative changes, by P3's coefficients and 1."""
+        near = self.near
+        share = self.denominator_weight / (near.values @ near.lens.coefficients[2])
+        unchanged = np.full(len(share), -self.denominator_weight)
+        return gram(share[:, None] * near.values, unchanged)
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """(M,) factors of the residuals at each ray.
+
+        Where there are no corners the bent lens is a guess: it is enough to keep poles out there,
+        and a firm prior would make P follow the guess at the cost of the corners.
+        """
+        return np.where(self.near.within, self.weight, min(self.weight, WEIGHT_BEYOND))
+
+    def nearest(self, pixel: FloatArray) -> tuple[BentFit, tuple[FloatArray, FloatArray]]:
+        """The bent lens whose nearest cubic is nearest to pixels (M, 2), finite, at the rays.
+
+        The lens sees all of them: where steps lead to one that does not, ``lens`` is as near as
+        any.
+
+        Returns:
+            The lens; what it sees (M, 2), and its derivatives by the lens's parameters (M, 2, K).
+
+        """
+        lens, (seen, by_lens) = self.lens, self._sees
+        weights, pixel = self.weights[:, None, None], pixel - self.near.miss
+        for _ in range(_NEAREST_ROUNDS):
+            miss = (weights * (seen - pixel)[:, :, None]).reshape(-1)
+            square = gram((weights * by_lens).reshape(len(miss), -1), miss) + lens.prior()
+            step = _follow(square[:-1, :-1], square[:-1, -1:])[:, 0]
+            moved = lens.with_parameters(lens.parameters - step)
+            sees = moved.seen(self.near.still)
+            if not np.isfinite(sees[0]).all():
+                return self.lens, self._sees
+            lens, (seen, by_lens) = moved, sees
+        return lens, (seen, by_lens)
+
+    @cached_property
+    def _sees(self) -> tuple[FloatArray, FloatArray]:
+        """The lens's pixels of the rays, and their derivatives."""
+        return self.lens.seen(self.near.still)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CubicFit(FitLens):
+    """The ``ray`` lift in the 16 dimensions that cubics span on the sphere (Eq. 5–7).
+
+    P = T C Bᵀ: B is the orthonormal (20, 16) basis, T the Hartley normalisation of pixels. The
+    homogeneous scale is fixed by keeping the mean of P3Φ over the prior's rays at 1, which is
+    linear, so 47 parameters are free. The prior also fixes the rotation of the camera frame.
+
+    Attributes:
+        coefficients: (3, 16) C.
+        denominator_basis: (16, 15) the directions in which P3's coefficients may move.
+        centre, scale: pixels are (m − centre) / scale inside.
+        ray_prior: the pseudo-observations; None without a prior.
+        travel: travel of the entrance pupil (:mod:`cubicfish.models.pupil`), in the unit
+            of the points: P is for points that are far away.
+        travel_weight: pixels that a travel of 1 counts as, in the prior that pulls it to 0.
+
+    """
+
+    coefficients: FloatArray
+    denominator_basis: FloatArray
+    centre: FloatArray
+    scale: float
+    ray_prior: RayPrior | None = None
+    travel: float = 0.0
+    travel_weight: float = 0.0
+
+    @property
+    def parameters(self) -> FloatArray:
+        """(48,)."""
+        first, second, third = self.coefficients
+        return np.concatenate([first, second, self.denominator_basis.T @ third, [self.travel]])
+
+    def with_parameters(self, parameters: FloatArray) -> CubicFit:
+        """The same lens with other parameters."""
+        third = self.coefficients[2]
+        moved = parameters[32:47] - self.denominator_basis.T @ third
+        rows = parameters[:16], parameters[16:32], third + self.denominator_basis @ moved
+        return replace(self, coefficients=np.stack(rows), travel=float(parameters[47]))
+
+    def with_pixels_of(self, other: CubicFit, rays: FloatArray) -> CubicFit:
+        """The P of another, pixels and scale normalised as here: the mean of P3Φ over rays is 1.
+
+        Args:
+            other: the other.
+            rays: (M, 3) those by which this one is normalised.
+
+        """
+        coefficients = other.coefficients.copy()
+        coefficients[:2] *= other.scale / self.scale
+        away = (other.centre - self.centre) / self.scale
+        coefficients[:2] += away[:, None] * coefficients[2]
+        mean = float((lift(rays) @ sphere_basis() @ coefficients[2]).mean())
+        return replace(self, coefficients=coefficients / mean)
+
+    def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """See :class:`~cubicfish.solve.fit_lens.FitLens`."""
+        moved, by_point, by_travel = from_pupil_and_slopes(points, self.travel)
+        pixel, d_point, d_parameters = self.far_jacobian(moved)
+        by_depth = d_point[:, :, 2:]
+        d_parameters[:, :, 47:] = by_depth * by_travel[:, None, None]
+        return pixel, d_point + by_depth * by_point[:, None, :], d_parameters
+
+    def far_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """As :meth:`pixel_and_slopes`, for distant points."""
+        length = np.sqrt(np.einsum("ij,ij->i", points, points))
+        rays = points / length[:, None]
+        values = lift(rays) @ sphere_basis()
+        pixel, denominator = self._compute_pixel(values)
+        _, gradient = evaluate_cubics(self.coefficients @ sphere_basis().T, rays)
+        # Working on one coordinate of all points after the other is fastest.
+        across = gradient.transpose(1, 2, 0)
+        slope = across[:2] - pixel.T[:, None] * across[2]
+        slope *= self.scale / denominator
+        return (
+            pixel * self.scale + self.centre,
+            _convert_slope(slope, rays.T, length).transpose(2, 0, 1),
+            self._differentiate(values, pixel, denominator, 48),
+        )
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """See :class:`~cubicfish.solve.fit_lens.FitLens`."""
+        return self.far(from_pupil(points, self.travel))
+
+    def far(self, points: FloatArray) -> FloatArray:
+        """Distant points (N, 3) -> pixels (N, 2)."""
+        rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
+        return self._compute_pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre
+
+    def prior(self) -> FloatArray:
+        """See :class:`~cubicfish.solve.fit_lens.FitLens`."""
+        return self._prior
+
+    @cached_property
+    def _prior(self) -> FloatArray:
+        weight = 0.0 if self.ray_prior is None else self.ray_prior.weight
+        return self.priors(np.array([weight]))[0]
+
+    def priors(self, weights: FloatArray) -> FloatArray:
+        """(H, 49, 49) the priors under H weights, all at once; see :meth:`prior`.
+
+        They are weighted differences to the nearest lens of the prior's kind, and to its
+        denominators. That lens's own parameters are eliminated (variable projection, Golub &
+        Pereyra 1973; the derivatives are Kaufman's, whose gradient is exact); the lens that is
+        nearest under the present weight follows linearly.
+
+        Pixels alone leave room for a pole that a zero of both numerators all but cancels (a
+        Froissart doublet): it bends the picture at a few corners and nowhere else. A cubic P3Φ that
+        vanishes somewhere differs widely from one that is positive on the whole cone.
+
+        Args:
+            weights: (H,) weights of the prior; see :attr:`RayPrior.weight`.
+
+        """
+        prior, pull = self.ray_prior, np.array([1, self.travel]) * self.travel_weight
+        grams = np.zeros((len(weights), 49, 49))
+        grams[:, 47:, 47:] = np.outer(pull, pull)
+        if prior is None:
+            return grams
+        near = prior.near
+        inside, denominator = self._compute_pixel(near.values)
+        pixel = inside * self.scale + self.centre
+        if not np.isfinite(pixel).all():  # a bad step, which its cost rejects
+            return np.full_like(grams, np.inf)
+        bent, (seen, by_lens) = prior.nearest(pixel)
+        # Derivatives by P's parameters, those by the lens's, and the miss.
+        rows = np.empty((len(inside), 2, 47 + by_lens.shape[2] + 1))
+        rows[:, :, :47] = self._differentiate(near.values, inside, denominator)
+        np.negative(by_lens, out=rows[:, :, 47:-1])
+        rows[:, :, -1] = pixel - near.miss - seen
+        among, before, after = (
+            part.T @ part for part in (rows[own].reshape(-1, rows.shape[2]) for own in near.parts)
+        )
+        beyond = before + after
+        squares = np.square([weights, np.minimum(weights, WEIGHT_BEYOND)])[:, :, None, None]
+        whole = squares[0] * among + squares[1] * beyond
+        whole[:, 47:, 47:] += bent.prior()
+        kept = np.r_[:47, rows.shape[2] - 1]
+        cross = whole[:, 47:-1, kept]
+        followed = _follow(whole[:, 47:-1, 47:-1], cross)
+        left = whole[:, kept[:, None], kept] - cross.transpose(0, 2, 1) @ followed
+        by_values = np.zeros((17, 48))
+        by_values[:16, 32:47], by_values[:16, 47] = self.denominator_basis, self.coefficients[2]
+        by_values[16, 47] = 1
+        grams[:, _FAR[:, None], _FAR] += left + by_values.T @ prior.denominators @ by_values
+        return grams
+
+    def _compute_pixel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        homogeneous = values @ self.coefficients.T
+        denominator = homogeneous[:, 2]
+        # A pole on the way is a bad step, not an error: its infinite cost rejects it.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            pixel = homogeneous[:, :2] / denominator[:, None]
+        return np.where(denominator[:, None] > 0, pixel, np.inf), denominator
+
+    def _differentiate(
+        self, values: FloatArray, pixel: FloatArray, denominator: FloatArray, count: int = 47
+    ) -> FloatArray:
+        """(N, 2, 47) d pixel / d parameters; ``pixel`` is of order 1."""
+        share = values * (self.scale / denominator[:, None])
+        slope = np.zeros((len(values), 2, count))
+        slope[:, 0, :16] = slope[:, 1, 16:32] = share
+        by_denominator = share @ self.denominator_basis
+        np.multiply(-pixel[:, :, None], by_denominator[:, None, :], out=slope[:, :, 32:47])
+        return slope
+
+    @property
+    def P(self) -> FloatArray:
+        """(3, 20) in pixels, Frobenius norm 1, P3Φ positive on the prior's rays."""
+        scale, (x, y) = self.scale, self.centre
+        to_pixels = np.array([[scale, 0, x], [0, scale, y], [0, 0, 1]])
+        P = to_pixels @ self.coefficients @ sphere_basis().T
+        return P / np.linalg.norm(P)
+
+
+def _follow(square: FloatArray, cross: FloatArray) -> FloatArray:
+    """How parameters follow other things: (..., K, K) JᵀJ and (..., K, n) Jᵀ times these.
+
+    Parameters of a narrow lens can hardly be distinguished; those lost in rounding stay.
+    """
+    index = np.arange(square.shape[-1])
+    square[..., index, index] *= 1 + _DISTINCT
+    return solve_scaled(square, cross)
+
+
+def _convert_slope(slope: FloatArray, rays: FloatArray, length: FloatArray) -> FloatArray:
+    """Convert d/d unit ray to d/d point: the derivative of X/‖X‖ is (I − d dᵀ)/‖X‖.
+
+    Args:
+        slope: (2, 3, N).
+        rays: (3, N).
+        length: (N,) of the points.
+
+    """
+    radial = (slope * rays).sum(axis=1)
+    return np.asarray((slope - radial[:, None] * rays) / length)

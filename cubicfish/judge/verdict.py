@@ -1,0 +1,283 @@
+"""Verdict on a calibration: good, usable with care or not to be trusted, and why.
+
+It reads the plain record that camera.yaml keeps, so that a calibration of last year is judged as
+one of today is. Limits are in pixels of a photo of up to 2000 pixels per side; larger photos have
+smaller pixels, and limits grow in proportion.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from cubicfish.judge.codes import Code, Severity, words
+from cubicfish.judge.finding import Finding, Level, level_of
+from cubicfish.judge.fit_record import (
+    DroppedCorner,
+    ErrorStatistics,
+    FitRecord,
+    PhotoRecord,
+)
+from cubicfish.judge.uncertainty import CERTAIN_PX, FieldUncertainty, of_size
+from cubicfish.types import FloatArray
+
+# Corners of a sharp photo are found to a tenth of a pixel. An error of a whole pixel means that
+# something is wrong, and no camera that comes of it is worth using.
+_ERROR_PX = (1.0, 1.0)
+# A camera with an error below this on photos that it never saw is not blamed for smaller ones
+# elsewhere.
+_RIGHT_PX = 0.25
+# Ratio of the held-out error to that of the fit, and the held-out error from which it matters.
+_OVERFIT = ((1.5, _RIGHT_PX), (3.0, 0.5))
+# Ratio of the held-out error to that of the radial reference, which has a seventh of the
+# parameters. It matters however small both are: a user of a radial lens would have the better
+# camera.
+_BESIDE_COMPANION = ((1.02, 0.0), (2.0, 0.5))
+# Ratio of the error on other photos to that of the calibration, and the error from which it
+# matters.
+_WORSE_THAN_BEFORE = ((2.0, 0.1), (5.0, 0.5))
+# Where a third of the field has no corner, the figures of the rest say nothing about it.
+COVERAGE = (2 / 3, 0.2)
+_SEEN_SHARE = 0.3
+# Uncertainty of the pixels, of which the corners' noise is the smallest part: up to the first limit
+# a camera counts as certain, beyond the second it is as bad as corners with such errors.
+_MEDIAN_UNCERTAINTY_PX = (CERTAIN_PX, 3.0)
+_RIM_UNCERTAINTY_PX = 2 * CERTAIN_PX
+_DROPPED_SHARE = (0.05, 0.2)
+_REJECTED_SHARE = (1 / 3, 1 / 2)
+_FEW_CORNERS = 200
+FEW_PHOTOS = 3
+# Fewest photos of one flat board that determine a lens well, and fewest that determine it at all.
+FEW_OF_A_PLANE = (8, 4)
+# Ratio of the error at the rim to that in the middle, and the error from which it matters.
+_RIM_ERROR = ((2.5, _RIGHT_PX), (math.inf, math.inf))
+# The field may go so many degrees beyond where corners are all around, if it is uncertain there.
+_EXTRAPOLATED_DEG = 15.0
+# Findings that do not explain errors.
+_NO_ERRORS = (Code.REPEATS, Code.ONE_PLACE)
+_WORSE_PHOTO = 3.0
+_FEW_CORNERS_IN_PHOTO = 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """The verdict on a fit.
+
+    Attributes:
+        level: the level of the worst reason; ``good`` without any.
+        figures: the figures that the verdict rests on, in words.
+        reasons: the findings against the camera: known causes first, then the rest, the worst
+            first.
+
+    """
+
+    level: Level
+    figures: str
+    reasons: tuple[Finding, ...]
+
+    @property
+    def words(self) -> str:
+        """``good``, ``usable with care`` or ``not to be trusted``."""
+        return str(words("camera").LEVELS[self.level])
+
+    @property
+    def line(self) -> str:
+        """The verdict in one line: the word, and the figures or the first reason."""
+        return str(words("camera").verdict_line(self))
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "level": self.level,
+            "words": self.words,
+            "figures": self.figures,
+            "reasons": [{**reason.as_record(), "why": reason.why} for reason in self.reasons],
+        }
+
+
+def verdict(
+    fit: FitRecord, image_size: tuple[int, int], outline: FloatArray | None = None
+) -> Verdict:
+    """Judge a fit by its record.
+
+    Args:
+        fit: the record.
+        image_size: (width, height), pixels.
+        outline: (K, 2) the field within the photo where the camera may be trusted, pixels;
+            None where there is none.
+
+    """
+    scale = of_size(image_size)
+    blamed = [one for one in fit.findings if one.severity is not Severity.NOTE]
+    causes = [one for one in blamed if one.code not in _NO_ERRORS]
+    others = [one for one in blamed if one.code in _NO_ERRORS]
+    others += _apply_rules(fit, image_size, outline, scale)
+    reasons = (*sorted(causes, key=_is_mild), *sorted(others, key=_is_mild))
+    figures = words("camera").fit_figures(fit)
+    return Verdict(level=level_of(reasons), figures=figures, reasons=reasons)
+
+
+def evaluation_verdict(
+    errors: ErrorStatistics,
+    uncertainty: FieldUncertainty | None,
+    fit: FitRecord,
+    image_size: tuple[int, int],
+) -> Verdict:
+    """Judge how a camera does on photos that it was not fitted to.
+
+    Args:
+        errors: reprojection errors on these photos.
+        uncertainty: uncertainty of the camera at their corners; None where it is not known.
+        fit: the record of the camera's own fit.
+        image_size: (width, height), pixels.
+
+    """
+    scale = of_size(image_size)
+    rms, before = errors.rms_px, fit.held_out_rms_px
+    before = before if before > 0 else fit.rms_px
+    stated = words("camera").evaluation_figures(errors, before)
+    if math.isnan(rms):
+        return Verdict(level="bad", figures=stated, reasons=())
+    level = ratio_above(rms, before, _WORSE_THAN_BEFORE, scale)
+    if level is None:
+        level = _rate(rms / scale, _ERROR_PX)
+        reasons = _report(level, Code.LARGE_ERRORS, "evaluation", error_px=rms)
+    else:
+        figures: dict[str, Any] = {"rms_px": rms, "before_px": before, "times": rms / before}
+        if errors.p95_px <= 3 * before:
+            p95 = errors.p95_px
+            reasons = _report(Severity.CARE, Code.A_FEW_FAR_OFF, **figures, p95_px=p95)
+        else:
+            reasons = _report(level, Code.WORSE_THAN_BEFORE, **figures)
+    # The poses of these photos absorb much of a camera's error: small errors alone clear no camera.
+    median_px = math.nan if uncertainty is None else uncertainty.median_px
+    level = _rate(median_px / scale, _MEDIAN_UNCERTAINTY_PX)
+    reasons += _report(level, Code.UNCERTAIN, "evaluation", median_px=median_px)
+    reasons.sort(key=_is_mild)
+    return Verdict(level=level_of(reasons), figures=stated, reasons=tuple(reasons))
+
+
+def photo_verdicts(
+    photos: Sequence[PhotoRecord], dropped: Sequence[DroppedCorner], image_size: tuple[int, int]
+) -> list[tuple[Finding, ...]]:
+    """The findings about each photo: its errors, by themselves and beside those of the others."""
+    most = _ERROR_PX[1] * of_size(image_size)
+    errors = [photo.rms_px for photo in photos]
+    typical = median([error for error in errors if math.isfinite(error)] or [0.0])
+    lost = Counter(corner.image for corner in dropped)
+    verdicts = []
+    for photo, error in zip(photos, errors, strict=True):
+        own, out = list[Finding](), lost[photo.image]
+        if len(errors) > 1 and error > _WORSE_PHOTO * typical > 0:
+            own += _report(Severity.BAD, Code.STANDS_OUT, times=error / typical)
+        elif error > most:
+            own += _report(Severity.BAD, Code.LARGE_ERRORS, "photo")
+        unknown = math.isnan(error) and photo.corners > 0
+        own += _report(Severity.NOTE if unknown else None, Code.NO_ERROR)
+        own += _report(Severity.CARE if out else None, Code.OUTLIERS, dropped=out)
+        few = photo.corners < _FEW_CORNERS_IN_PHOTO
+        own += _report(Severity.CARE if few else None, Code.FEW_CORNERS, "photo")
+        verdicts.append(tuple(own))
+    return verdicts
+
+
+def _is_mild(reason: Finding) -> bool:
+    return reason.severity is not Severity.BAD
+
+
+def _report(level: Severity | None, code: Code, case: str = "", **figures: Any) -> list[Finding]:
+    """List this one finding; none where it has no level."""
+    return [] if level is None else [Finding(code=code, severity=level, case=case, figures=figures)]
+
+
+def _apply_rules(
+    of: FitRecord, image_size: tuple[int, int], outline: FloatArray | None, scale: float
+) -> Iterator[Finding]:
+    """Apply one rule after the other, in the order of their weight; an unknown figure breaks none.
+
+    The first rules say how wrong the camera is and why it cannot be right, the later ones where it
+    is less so.
+    """
+    extent, known = of.reach, of.uncertainty
+    held_out, rms, photos = of.held_out_rms_px, of.rms_px, of.images
+    radial = of.companion_held_out_rms_px
+    error = float(np.fmax(held_out, rms))
+    if of.says_nothing:  # not a calibration of ours, such as an import
+        yield from _report(Severity.CARE, Code.NO_FIGURES, "elsewhere")
+    elif math.isnan(error):
+        yield from _report(Severity.BAD, Code.NO_FIGURES)
+    else:
+        level = _rate(error / scale, _ERROR_PX)
+        yield from _report(level, Code.LARGE_ERRORS, error_px=error)
+    case = "few" if 0 < photos < FEW_PHOTOS else ""
+    level = _care_if(math.isnan(held_out) and not of.says_nothing)
+    yield from _report(level, Code.NOT_HELD_OUT, case, photos=photos or None)
+    level = ratio_above(held_out, rms, _OVERFIT, scale)
+    yield from _report(level, Code.OVERFITTED, held_out_px=held_out, times=held_out / (rms or 1))
+    level = ratio_above(held_out, radial, _BESIDE_COMPANION, scale)
+    yield from _report(level, Code.RADIAL_IS_NEARER, held_out_px=held_out, radial_px=radial)
+    uncertain = _rate(known.median_px / scale, _MEDIAN_UNCERTAINTY_PX)
+    yield from _report(uncertain, Code.UNCERTAIN, median_px=known.median_px)
+    if of.flat and photos:  # each photo leaves much of a lens open: the others must determine it
+        level = _rate(1 - photos, (1 - FEW_OF_A_PLANE[0], 1 - FEW_OF_A_PLANE[1]))
+        bad = level is Severity.BAD
+        yield from _report(level, Code.FEW_PHOTOS_OF_A_PLANE, photos=photos, bad=bad)
+    # The photos and corners that were left out.
+    dropped, used = of.dropped, of.corners
+    level = _rate(dropped / max(dropped + used, 1), _DROPPED_SHARE)
+    yield from _report(level, Code.MANY_OUTLIERS, dropped=dropped, corners=dropped + used)
+    left_out = len(of.unfit_images)
+    every = left_out + photos
+    level = _rate(left_out / max(every, 1), _REJECTED_SHARE)
+    yield from _report(level, Code.MANY_UNFIT, left_out=left_out, photos=every)
+    level = _rate(-of.coverage, (-COVERAGE[0], -COVERAGE[1]))
+    yield from _report(level, Code.LOW_COVERAGE, share=of.coverage)
+    lift, full = ("point", 20) if of.lift == "point" else ("", 16)
+    yield from _report(_care_if(0 < of.rank < full), Code.LOW_RANK, lift, rank=of.rank, full=full)
+    # The field: at the rim, and beyond the corners.
+    rim, middle, start = extent.rim_rms_px, extent.middle_rms_px, extent.rim_from_deg
+    level = None if math.isnan(start) else ratio_above(rim, middle, _RIM_ERROR, scale)
+    yield from _report(level, Code.WORSE_AT_THE_RIM, middle_px=middle, rim_px=rim, from_deg=start)
+    covered, around, edge = of.covered_deg, extent.all_around_deg, extent.edge_uncertainty_px
+    level = _care_if(covered - around > _EXTRAPOLATED_DEG and edge / scale > CERTAIN_PX)
+    yield from _report(
+        level, Code.EXTRAPOLATED, covered_deg=covered, around_deg=around, edge_px=edge
+    )
+    level = _care_if(uncertain is None and known.max_px / scale > _RIM_UNCERTAINTY_PX)
+    yield from _report(level, Code.UNCERTAIN, "somewhere", max_px=known.max_px)
+    seen = math.nan
+    if outline is not None and len(outline) > 2:
+        seen = _measure_area(outline) / (image_size[0] * image_size[1])
+    yield from _report(_care_if(seen < _SEEN_SHARE), Code.SMALL_FIELD, share=seen)
+    yield from _report(_care_if(0 < used < _FEW_CORNERS), Code.FEW_CORNERS, corners=used)
+
+
+def _care_if(odd: bool) -> Severity | None:
+    return Severity.CARE if odd else None
+
+
+def _rate(value: float, limits: Sequence[float]) -> Severity | None:
+    if value > limits[1]:
+        return Severity.BAD
+    return Severity.CARE if value > limits[0] else None
+
+
+def ratio_above(
+    value: float, other: float, limits: Sequence[tuple[float, float]], scale: float
+) -> Severity | None:
+    """The level at which a value is too many times another one, and large enough to matter."""
+    if not other > 0:
+        return None
+    (care, least), (bad, much) = limits
+    if value > bad * other and value > much * scale:
+        return Severity.BAD
+    return Severity.CARE if value > care * other and value > least * scale else None
+
+
+def _measure_area(outline: FloatArray) -> float:
+    x, y = outline.T
+    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)

@@ -1,0 +1,316 @@
+"""Levenberg–Marquardt over a lens, the poses of all photos and the target (Zhu & Yin, Eq. 10).
+
+The unknowns of an adjustment are a :class:`State`; :func:`linearise` computes its residuals and
+their derivatives, run by run, and :class:`~cubicfish.solve.normal_equations.NormalEquations`
+sums them up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
+from typing import Generic, Self, TypeVar
+
+import numpy as np
+
+from cubicfish.errors import FitError
+from cubicfish.solve.deformable_target import DeformableTarget
+from cubicfish.solve.fit_lens import FitLens
+from cubicfish.solve.normal_equations import Linearised, NormalEquations
+from cubicfish.solve.poses import Poses, cross
+from cubicfish.solve.statistics import wide_px
+from cubicfish.target.observations import Observations
+from cubicfish.types import BoolArray, FloatArray
+
+L = TypeVar("L", bound=FitLens)
+
+_MAX_ITERATIONS = 100
+_RELATIVE_DECREASE = 1e-10
+# Below this share of the cost, a decrease is lost in the rounding of the cost.
+_ROUNDING = 1e-13
+# Where a straight step raises the cost and the next one changes it by less than this share, this is
+# the optimum as far as many photos show: there is always one whose pose rocks between two places.
+_IMMATERIAL = 1e-8
+# Least damping of poses that went astray.
+_FIRM = 1.0
+COLD_DAMPING = 1e-4
+"""First damping for a start that may be far from the optimum."""
+WARM_DAMPING = 1e-13
+"""First damping for a start at the optimum of nearly the same pairs."""
+
+# Derivatives of so many pairs by so many unknowns fit into a core's cache; larger arrays wait for
+# memory.
+_RUN_PAIRS, _RUN_UNKNOWNS = 1000, 60
+
+
+@dataclass(frozen=True, eq=False)
+class State(Generic[L]):
+    """The unknowns of an adjustment.
+
+    Attributes:
+        lens: the lens.
+        poses: camera_from_world of every photo; of a rig, rig_from_world of every shot.
+        world: the target.
+
+    """
+
+    lens: L
+    poses: Poses
+    world: DeformableTarget
+
+    def moved(self, shared: FloatArray, pose: FloatArray, corner: FloatArray) -> State[L]:
+        """The state after a step (K,), (M, 6) and (Q, 3)."""
+        count = len(self.lens.parameters)
+        return State(
+            self.lens.with_parameters(self.lens.parameters + shared[:count]),
+            self.poses.moved(pose),
+            self.world.moved(shared[count:], corner),
+        )
+
+    @property
+    def size(self) -> tuple[int, int, int]:
+        """The numbers of shared unknowns, poses and free corners."""
+        shared = len(self.lens.parameters) + len(self.world.parameters)
+        return shared, len(self.poses), len(self.world.offsets)
+
+
+def huber_weight(distance: FloatArray, scale: float) -> FloatArray:
+    """IRLS weight of the Huber loss: 1 within ``scale``, then falling as 1/distance."""
+    return np.minimum(1.0, scale / np.maximum(distance, 1e-300))
+
+
+def huber_cost(distance: FloatArray, scale: float) -> FloatArray:
+    """Huber loss: d²/2 within ``scale``, linear beyond."""
+    return np.where(distance <= scale, 0.5 * np.square(distance), scale * (distance - 0.5 * scale))
+
+
+def linearise(
+    state: State[L], pairs: Observations, huber_px: float
+) -> Iterator[tuple[slice, Linearised]]:
+    """Linearise all pairs by everything that is free, in runs of one camera's pairs each.
+
+    Yields the pairs of a run and their derivatives, one run after the other.
+
+    ``pairs`` and ``huber_px`` are those of :func:`~cubicfish.solve.adjustment.adjust`.
+    """
+    runs = _cut_runs(state, pairs)
+    one = partial(_linearise_run, state.lens.views(state.poses), state, pairs, huber_px)
+    return zip(runs, map(one, runs), strict=True)
+
+
+def _cut_runs(state: State[L], pairs: Observations) -> list[slice]:
+    """Cut the pairs into runs of one camera each, whose derivatives are not too large."""
+    camera = state.lens.camera_of(pairs.image)
+    size = max(_RUN_PAIRS, _RUN_PAIRS * _RUN_UNKNOWNS // (state.size[0] + 6))
+    cuts = np.union1d(np.arange(0, len(camera), size), np.flatnonzero(np.diff(camera)) + 1)
+    return [slice(*ends) for ends in pairwise([*cuts.tolist(), len(camera)])]
+
+
+def _linearise_run(
+    views: Poses, state: State[L], pairs: Observations, huber_px: float, run: slice
+) -> Linearised:
+    """Linearise a run of one camera's pairs by everything that is free."""
+    body, world = state.lens, state.world
+    image = pairs.image[run]
+    # Working on one coordinate of all points after the other is fastest.
+    rotation = views.rotation.transpose(1, 2, 0)[:, :, image]
+    rotated = np.einsum("ijn,jn->in", rotation, world.points[run].T)
+    points = (rotated + views.translation.T[:, image]).T
+    pixel, d_point, d_lens = body.lens_of(int(image[0])).pixel_and_slopes(points)
+    by_point = d_point.transpose(1, 2, 0)
+    d_corner, d_shape = None, []
+    if world.free:
+        d_corner = np.einsum("ain,ijn->ajn", by_point, rotation).transpose(2, 0, 1)
+        d_shape = [world.chain(d_corner, run)]
+    d_view = np.concatenate([cross(rotated, by_point).transpose(2, 0, 1), d_point], axis=2)
+    d_body, own, d_pose = body.by_body(image, state.poses, d_lens, d_view)
+    residual = pixel - pairs.pixel[run]
+    length = np.hypot(residual[:, 0], residual[:, 1])
+    root = np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))
+    return Linearised.of(
+        residual,
+        root,
+        d_pose,
+        [d_body, *d_shape],
+        d_corner,
+        np.append(own, np.arange(len(body.parameters), state.size[0])),
+        body.shot_of(image),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Adjustment(State[L]):
+    """The result of Levenberg–Marquardt.
+
+    Attributes:
+        residual: (N, 2) projection less pixel, unweighted, pixels.
+        cost: robust cost at the end, priors included.
+        iterations: how many steps were tried.
+        normal: the normal equations at the end; empty after :meth:`without_equations`.
+        pairs: the pairs.
+        huber_px: the distance from which on the loss was linear.
+
+    """
+
+    residual: FloatArray
+    cost: float
+    iterations: int
+    normal: NormalEquations
+    pairs: Observations
+    huber_px: float
+
+    @property
+    def errors(self) -> FloatArray:
+        """(K, 2) residuals of the pairs whose error the fit can tell."""
+        return self.residual[self.pairs.error_known]
+
+    def without_equations(self) -> Self:
+        """The same without the normal equations, most of its memory, to be continued from."""
+        return replace(self, normal=NormalEquations.zeros(0, 0, 0))
+
+    def again(
+        self,
+        pairs: Observations | None = None,
+        *,
+        world: DeformableTarget | None = None,
+        relative_decrease: float = _RELATIVE_DECREASE,
+        damping: float = COLD_DAMPING,
+        limit: Callable[[FloatArray], float] = wide_px,
+    ) -> Adjustment[L]:
+        """Continue the adjustment, with a loss that follows the present residuals.
+
+        The arguments are those of :func:`adjust`. By default the pairs are the same and the target
+        is as free as it was; ``limit`` says of residuals (N, 2) where the loss turns linear,
+        pixels.
+        """
+        return adjust(
+            self.lens,
+            self.poses,
+            self.pairs if pairs is None else pairs,
+            limit(self.errors),
+            world=self.world if world is None else world,
+            relative_decrease=relative_decrease,
+            damping=damping,
+        )
+
+
+def adjust(
+    lens: L,
+    poses: Poses,
+    pairs: Observations,
+    huber_px: float,
+    *,
+    world: DeformableTarget | None = None,
+    max_iterations: int = _MAX_ITERATIONS,
+    relative_decrease: float = _RELATIVE_DECREASE,
+    damping: float = COLD_DAMPING,
+) -> Adjustment[L]:
+    """Minimise the Huber loss of the reprojection error over lens, poses and target.
+
+    Args:
+        lens: the start; its prior is part of the cost.
+        poses: the start, one for each of ``pairs.images``, or of a rig one for each shot.
+        pairs: 2D-3D pairs, sorted by photo.
+        huber_px: distance in pixels from which on a pair's pull stops growing.
+        world: the target's points and what of them is free; by default ``pairs.world``, fixed.
+        max_iterations: steps to try at most.
+        relative_decrease: stop when a step lowers the cost by less than this share.
+        damping: damping of the first step; less near the optimum.
+
+    Returns:
+        The best state found. A step that does not lower the cost is never taken.
+
+    Raises:
+        FitError: the start itself sees a point at infinity.
+
+    """
+    world = DeformableTarget(nominal=pairs.world) if world is None else world
+    now = _evaluate(State(lens, poses, world), pairs, huber_px)
+    if not np.isfinite(now.cost):
+        raise FitError(
+            "the start of the fit sees corners at infinity: check that the corners are named "
+            "rightly and that the camera belongs to these photos"
+        )
+    near, iterations = damping < COLD_DAMPING, 0
+    pose_damping = np.zeros((len(poses), 1))
+    while iterations < max_iterations:
+        step = now.normal.solve(damping, pose_damping)
+        gain = now.normal.expected_decrease(step) / max(now.cost, 1e-300)
+        # A step from far away, or a damped one, says too little about what is left to gain.
+        if near and gain < relative_decrease and damping < COLD_DAMPING:
+            break
+        iterations += 1
+        new = _evaluate(now.moved(*step), pairs, huber_px)
+        least = relative_decrease
+        if not new.cost < now.cost and gain > _ROUNDING and iterations < max_iterations:
+            iterations += 1
+            least = max(relative_decrease, _IMMATERIAL)
+            astray = _find_astray(now, new)
+            if astray.any():  # these alone are damped firmly, and stop no others
+                pose_damping[astray] = np.maximum(10 * pose_damping[astray], _FIRM)
+                step = now.normal.solve(damping, pose_damping)
+                new = _evaluate(now.moved(*step), pairs, huber_px)
+            elif np.isfinite(new.cost):
+                # A bent valley: the straight step ended on its side, above its floor.
+                new = _evaluate(new.moved(*new.normal.solve(damping)), pairs, huber_px)
+        if new.cost < now.cost:
+            decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
+            now = new
+            damping = max(damping / 10, 1e-14)
+            pose_damping *= 0.1
+            if decrease < least:
+                break
+        else:
+            damping *= 10
+            if damping > 1e8 or gain < _ROUNDING or new.cost < (1 + least) * now.cost:
+                break
+    return replace(now, iterations=iterations)
+
+
+def _evaluate(state: State[L], pairs: Observations, huber_px: float) -> Adjustment[L]:
+    """Evaluate a state and its derivatives at once: nearly every step that is tried is taken.
+
+    Its normal equations are incomplete where the cost is infinite.
+    """
+    normal, world = NormalEquations.zeros(*state.size), state.world
+    residual, cost = np.empty_like(pairs.pixel), 0.0
+    # A step may lead anywhere: an overflow has an infinite cost, and the step is rejected.
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for run, terms in linearise(state, pairs, huber_px):
+            residual[run] = terms.residual
+            length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
+            cost += float(pairs.weight[run] @ huber_cost(length, huber_px))
+            if np.isfinite(cost):
+                normal.add(terms, world.corner[run])
+        prior = state.lens.prior()
+        offset = (world.offset_weight * world.offsets).reshape(-1)
+        cost += 0.5 * float(prior[-1, -1] + world.prior()[-1, -1] + offset @ offset)
+        if np.isfinite(cost):
+            normal = normal.with_priors(prior, world)
+    return Adjustment(
+        **vars(state),
+        residual=residual,
+        cost=cost if np.isfinite(cost) else np.inf,
+        iterations=0,
+        normal=normal,
+        pairs=pairs,
+        huber_px=huber_px,
+    )
+
+
+def _find_astray(now: Adjustment[L], new: Adjustment[L]) -> BoolArray:
+    """Find poses (M,) whose cost a step raised by far while it lowered the others'; else none.
+
+    Among many photos there is always one whose pose goes astray.
+    """
+    count = len(now.poses)
+    shot = now.lens.shot_of(now.pairs.image)
+    rise = np.zeros(count)
+    for sign, of in ((1, new), (-1, now)):
+        cost = huber_cost(np.hypot(of.residual[:, 0], of.residual[:, 1]), now.huber_px)
+        rise += sign * np.bincount(shot, now.pairs.weight * cost, count)
+    known = np.isfinite(rise)
+    risen = ~known | (rise > np.abs(rise[known]).sum() / count)
+    return risen & bool(rise[~risen].sum() < 0)

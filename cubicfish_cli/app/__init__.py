@@ -1,1 +1,0 @@
-"""What the commands share: photos, words, diagnosis, the terminal, extensions."""

@@ -1,0 +1,423 @@
+"""Searching many pictures of one camera for boards, until more pictures add hardly anything.
+
+A quick search shows what each picture would add. Only if it misses boards, with small squares for
+example, are they detected as `detect` does: some of the pictures in which it saw none tell that.
+Pictures of a film are searched where those before and after show boards.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from cubicfish.errors import DetectionError, FitError
+from cubicfish.find.detection.grids import FoundGrids
+from cubicfish.find.identification.quick_detect import (
+    QuickDetection,
+    name_quick_detections,
+    quick_detect,
+    quick_detect_near,
+)
+from cubicfish.judge.codes import Code, Severity
+from cubicfish.judge.finding import Finding
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target
+from cubicfish.types import FloatArray
+from cubicfish_cli.detection.detection import first_pass
+from cubicfish_cli.detection.photo_detection import GridCache, detect_in_photo
+from cubicfish_cli.diagnosis.corner_count import squares_of_grids
+from cubicfish_cli.diagnosis.evidence import GridEvidence
+from cubicfish_cli.films.choose import FEWEST, Choice, Patch, Seen, choose
+from cubicfish_cli.films.measure import sharpness
+from cubicfish_cli.films.scan import still_px
+from cubicfish_cli.listener import Event
+from cubicfish_cli.photos.executors.pool import Work
+from cubicfish_cli.photos.photos import Photo
+from cubicfish_cli.run import Run
+from cubicfish_cli.sufficiency.information_gain import InformationGain
+
+# Where fewer of the pictures show the target, they do not tell which pictures are good.
+_FEW, _FEW_SHARE = 3, 0.5
+# So many pictures, from all over, tell whether those are empty in which a quick search saw nothing:
+# if it missed boards in a fifth of them, it goes unnoticed once in fifteen times.
+_PROBES = 12
+# Pictures have no more to add when hardly any of the last few is chosen.
+_HARDLY_ANY = 0.1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Found:
+    """What pictures show.
+
+    Attributes:
+        patches: corners by the names of the pictures that have any.
+        pairs: the same as pairs; None where no target is known.
+        target: the calibration target that they are of.
+        findings: what is wrong with the target, as the pictures show it.
+
+    """
+
+    patches: dict[str, tuple[Patch, ...]] = field(default_factory=dict)
+    pairs: Observations | None = None
+    target: Target | None = None
+    findings: tuple[Finding, ...] = ()
+
+    def with_more(self, more: Found) -> Found:
+        """Return these and what other pictures show."""
+        one, other = self.pairs, more.pairs
+        both = other if one is None else one if other is None else Observations.joined([one, other])
+        return Found(
+            patches={**self.patches, **more.patches},
+            pairs=both,
+            target=more.target or self.target,
+            findings=(*self.findings, *more.findings),
+        )
+
+    @property
+    def miscounted(self) -> Finding | None:
+        """The finding that boards have other counts of corners than the target says; or None."""
+        serious = (one for one in self.findings if one.severity is not Severity.NOTE)
+        return next((one for one in serious if one.code is Code.CORNER_COUNT), None)
+
+
+def found_in(
+    photos: Sequence[Photo], targets: Sequence[Target] | None, work: Work, cache: Path | None
+) -> Found:
+    """Find corners of a target in photos, or grids as they are if none is known.
+
+    Args:
+        photos: all of one size.
+        targets: what the target may be; None looks for any checkerboard.
+        work: searches them, on one or several processes.
+        cache: a folder that keeps what is found in files.
+
+    Raises:
+        DetectionError: no photo shows the target.
+
+    """
+    if targets:
+        detection = first_pass(photos, targets, work, cache)
+        return replace(_make_found_of_corners(detection.corners), findings=detection.findings)
+    kept = None if cache is None else GridCache(folder=cache)
+    found = work.done(partial(detect_in_photo, target=None, cache=kept), photos)
+    return _make_found_of_grids([photo.name for photo in photos], [one.grids for one in found])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Glance:
+    """A picture that is searched quickly.
+
+    Attributes:
+        photo: where it is.
+        near: what the pictures of a film before and after it show; None for a photo.
+
+    """
+
+    photo: Photo
+    near: tuple[QuickDetection, ...] | None
+
+    @property
+    def name(self) -> str:
+        """The picture's."""
+        return self.photo.name
+
+
+def _quick_detect(one: _Glance, *, target: Target | None) -> QuickDetection | None:
+    grey = one.photo.grey_if_readable()
+    if grey is None:
+        return None
+    if one.near is None:
+        return quick_detect(grey, target)
+    return quick_detect_near(grey, target, one.near)
+
+
+def _spread(numbers: Sequence[int], most: int) -> list[int]:
+    """Return so many of the numbers at most, from all over."""
+    rounds = max(1, math.ceil(len(numbers) / most))
+    return list(numbers[rounds // 2 :: rounds])
+
+
+def _shows(seen: QuickDetection | None) -> bool:
+    """Return whether a quick search saw any board."""
+    if seen is None:
+        return False
+    return bool(seen.grids) if isinstance(seen, FoundGrids) else len(seen) > 0
+
+
+def _make_found_of_grids(names: Sequence[str], found: Sequence[FoundGrids | None]) -> Found:
+    patches = {
+        name: tuple(Patch(board=-1, cells=grid.cells, pixel=grid.pixel) for grid in one.grids)
+        for name, one in zip(names, found, strict=True)
+        if one is not None and one.grids
+    }
+    return Found(patches=patches)
+
+
+def _make_found_of_corners(corners: Observations) -> Found:
+    cells = np.column_stack([corners.column, corners.row])
+    patches = {}
+    for number in np.unique(corners.image).tolist():
+        here = corners.image == number
+        patches[corners.images[number]] = tuple(
+            Patch(
+                board=int(board),
+                cells=cells[own],
+                pixel=corners.pixel[own],
+                certain=bool(corners.certain[own].all()),
+            )
+            for board in np.unique(corners.board[here])
+            for own in (here & (corners.board == board),)
+        )
+    pairs = corners.only_seen()[0] if len(corners.pixel) else None
+    return Found(patches=patches, pairs=pairs, target=corners.target)
+
+
+@dataclass(kw_only=True, eq=False)
+class Search:
+    """A search through pictures, and what is chosen of them.
+
+    Attributes:
+        photos, seen: the pictures, and what is known of each.
+        size: (width, height) of them.
+        most: how many may be chosen.
+        targets: what the target may be; None where none is known.
+        run: how the work is done.
+        what: what the pictures are, in the plural, for messages.
+        at_once: how many are searched quickly before checking whether more would add anything.
+        quick_jobs: number of processes for quick detection.
+        is_film: whether each picture is like those before and after it, as in a film.
+        glances: what was seen quickly in pictures, by their numbers.
+        searched: numbers of the pictures that were searched.
+        choice: what is chosen of these.
+
+    """
+
+    photos: Sequence[Photo]
+    seen: list[Seen]
+    size: tuple[int, int]
+    most: int
+    targets: Sequence[Target] | None
+    run: Run
+    what: str
+    at_once: int
+    quick_jobs: int | None
+    is_film: bool = False
+    glances: dict[int, QuickDetection | None] = field(default_factory=dict)
+    searched: set[int] = field(default_factory=set)
+    choice: Choice = field(init=False)
+    _again: set[int] = field(init=False, default_factory=set)
+
+    def search(self, good: Sequence[int], others: Sequence[int]) -> None:
+        """Search good pictures quickly; only where these show little, others, and all fully.
+
+        Args:
+            good: numbers of pictures.
+            others: those of worse ones.
+
+        Raises:
+            DetectionError: none shows the target, or they show another count of its corners.
+
+        """
+        found = Found()
+        self._choose(found)
+        for numbers in (good, others):
+            found = self._search_quickly(numbers, found)
+            if self._is_well_seen(found):
+                return
+        every = [*good, *others]
+        unseen = [at for at in every if self.photos[at].name not in found.patches]
+        # Boards that were seen and cannot be named may be others than the target says.
+        unnamed = sum(_shows(self.glances.get(at)) for at in unseen)
+        is_seen = found.miscounted is None and len(found.patches) >= _FEW
+        is_seen = is_seen and unnamed <= _HARDLY_ANY * len(every)
+        if is_seen and self._are_empty(unseen, _PROBES):
+            return
+        if self.is_film and not any(map(_shows, self.glances.values())):
+            self.detect(_spread(every, self.at_once))  # and no other if these show nothing
+        # All at once: it takes many photos to see what is wrong with the target.
+        for numbers in (good, every) if others else (good,):
+            try:
+                found = self.detect(numbers)
+            except DetectionError:
+                if len(numbers) == len(every) or self._are_empty(others, _PROBES):
+                    raise
+                continue
+            self.searched.update(numbers)
+            self._choose(found)
+            if self._is_well_seen(found):
+                return
+        if found.miscounted is not None:
+            raise DetectionError(found.miscounted.why, do=found.miscounted.do)
+
+    def _are_empty(self, numbers: Sequence[int], most: int) -> bool:
+        """Return whether hardly any of a few among these pictures, from all over, shows the target.
+
+        A finding on the target's counts is one that the others may explain.
+        """
+        probes = _spread(numbers, most)
+        try:
+            found = self.detect(probes)
+        except DetectionError:
+            return True
+        return found.miscounted is None and len(found.patches) <= _HARDLY_ANY * len(probes)
+
+    def detect_quickly(self, numbers: Sequence[int]) -> Found:
+        """Return what quick detection finds in some pictures.
+
+        In others too that were searched before, of a film, if a board is found next to them.
+        """
+        marked = [one for one in self.targets or () if one.has_markers]
+        target = next(iter([*marked, *(self.targets or ())]), None)
+        looking, numbers = list(numbers), list(numbers)
+        while looking:
+            seen = self._glance(looking, target)
+            self.glances.update(zip(looking, seen, strict=True))
+            # A board that is lost in one picture is looked for where it is in the next.
+            beside = {at for n in looking if _shows(self.glances[n]) for at in self._next_to(n)}
+            looking = sorted(at for at in beside if not _shows(self.glances[at]))
+            looking = [at for at in looking if at not in self._again]
+            self._again.update(looking)
+            numbers += [at for at in looking if at not in numbers]
+        names = [self.photos[at].name for at in numbers]
+        found = [self.glances[at] for at in numbers]
+        if not self.targets:
+            return _make_found_of_grids(
+                names, [one if isinstance(one, FoundGrids) else None for one in found]
+            )
+        corners, identified = name_quick_detections(found, self.targets, self.size, names)
+        made = _make_found_of_corners(corners)
+        if identified is None or made.target is None:
+            return made
+        evidence = GridEvidence(
+            photos=len(names),
+            names=names,
+            picture=lambda number: None,
+            target=made.target,
+            with_boards=len(names),
+            lost=(),
+            identified=identified,
+        )
+        return replace(made, findings=tuple(squares_of_grids(evidence)))
+
+    def _glance(self, numbers: Sequence[int], target: Target | None) -> list[QuickDetection | None]:
+        """Search pictures quickly, those of a film beside what the next ones show."""
+        glances = []
+        for at in numbers:
+            near = [self.glances[one] for one in self._next_to(at)] if self.is_film else None
+            known = None if near is None else tuple(one for one in near if one is not None)
+            glances.append(_Glance(photo=self.photos[at], near=known))
+        work = replace(self.run, jobs=self.quick_jobs).work(f"Glancing at {self.what}")
+        return work.done(partial(_quick_detect, target=target), glances)
+
+    def _next_to(self, number: int) -> list[int]:
+        """Return the pictures before and after one of a film, of those that were searched."""
+        if not self.is_film:
+            return []
+        before = max((at for at in self.glances if at < number), default=None)
+        after = min((at for at in self.glances if at > number), default=None)
+        return [at for at in (before, after) if at is not None]
+
+    def detect(self, numbers: Sequence[int]) -> Found:
+        """Return what full detection finds in some pictures."""
+        photos = [self.photos[at] for at in numbers]
+        return found_in(photos, self.targets, self.run.work("Finding boards"), self.run.cache)
+
+    def _search_quickly(self, numbers: Sequence[int], found: Found) -> Found:
+        """Search pictures quickly, from first to last, until more add hardly anything."""
+        rounds = math.ceil(len(numbers) / self.at_once)
+        for first in range(rounds):
+            some = numbers[first::rounds]
+            found = found.with_more(self.detect_quickly(some))
+            if found.target is not None:
+                self.targets = [found.target]
+            self.searched.update(some)
+            self._choose(found)
+            chosen = set(self.choice.order)
+            new = chosen.intersection(some)
+            nothing_new = self.choice.ended == "enough" and len(new) <= _HARDLY_ANY * len(some)
+            if self.choice.ended == "asked" or (first and chosen - new and nothing_new):
+                break
+        return found
+
+    def _is_well_seen(self, found: Found) -> bool:
+        """Return whether the patches are those of the target, and enough for a camera."""
+        seen, searched = len(found.patches), len(self.searched)
+        if found.miscounted is not None or seen < max(_FEW, _FEW_SHARE * searched):
+            return False
+        return seen == searched or len(self.choice.order) >= min(FEWEST, self.most)
+
+    def _choose(self, found: Found) -> None:
+        """Choose by what pictures add to the camera, or by what they show if none is fitted."""
+        names = [photo.name for photo in self.photos]
+        self.seen = [
+            replace(one, patches=found.patches.get(name, ()))
+            for one, name in zip(self.seen, names, strict=True)
+        ]
+
+        def gains(quality: FloatArray) -> InformationGain | None:
+            if found.pairs is None:
+                return None
+            try:
+                return InformationGain(found.pairs, names, quality)
+            except FitError:
+                return None
+
+        self.choice = choose(self.seen, self.size, self.most, still_px(self.size), gains)
+
+
+def choose_photos(
+    photos: Sequence[Photo], targets: Sequence[Target], run: Run, *, most: int
+) -> tuple[list[Photo], str]:
+    """Choose the photos that are worth calibrating from, in the order given.
+
+    Args:
+        photos: photos of one camera.
+        targets: what the calibration target may be.
+        run: how the work is done.
+        most: how many photos may be chosen.
+
+    Returns:
+        The photos, and why there are no more, in a sentence.
+
+    Raises:
+        DetectionError: none shows the target.
+
+    """
+    measured = replace(run, executor=None).work("Measuring sharpness").done(_measure_photo, photos)
+    known = Counter(one[0] for one in measured if one is not None)
+    if not known:
+        raise DetectionError("none of the photos can be read: check the files")
+    size = known.most_common(1)[0][0]
+    pairs = zip(photos, measured, strict=True)
+    sharp = {photo: one[1] for photo, one in pairs if one is not None and one[0] == size}
+    usual = list(sharp)
+    search = Search(
+        photos=usual,
+        seen=[Seen(sharpness=one) for one in sharp.values()],
+        size=size,
+        most=most,
+        targets=targets,
+        run=run,
+        what="photos",
+        at_once=len(usual),
+        quick_jobs=run.jobs,
+    )
+    search.search(range(len(usual)), ())
+    return [usual[at] for at in sorted(search.choice.order)], why_ended(search.choice, "photo")
+
+
+def why_ended(choice: Choice, what: str) -> str:
+    """Return why no more pictures were chosen, in a sentence; ``what`` they are."""
+    return Event(f"chosen_{choice.ended}").line(chosen=len(choice.order), what=what)
+
+
+def _measure_photo(photo: Photo) -> tuple[tuple[int, int], float] | None:
+    """Return a photo's (width, height) and sharpness; None for a damaged one, which is left out."""
+    grey = photo.grey_if_readable()
+    return None if grey is None else ((grey.shape[1], grey.shape[0]), sharpness(grey))

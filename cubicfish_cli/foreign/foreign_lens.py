@@ -1,0 +1,230 @@
+"""What all lens models of other tools share.
+
+A model is a frozen dataclass whose fields, beside the photo's size, are its parameters; fields
+marked by :data:`FIXED` are carried along and never fitted. A model has a ``name``, a ``label``,
+:meth:`ForeignLens.starts` and its formula, :meth:`Lens.pixels`. Everything else, derivatives too,
+follows from these.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish.angles import angle_from_axis, unit_rays
+from cubicfish.models.cubic import UNPROJECT_TOLERANCE_PX, CubicCamera
+from cubicfish.models.lens import Lens
+from cubicfish.models.radial import RadialCamera
+from cubicfish.models.sphere import (
+    PixelAndSlope,
+    cone_rays,
+    ray_at,
+    rays_of_pixels,
+    tangent_basis,
+)
+from cubicfish.solve.fit_lens import nearest_lens
+from cubicfish.types import FloatArray
+
+FIXED: Mapping[str, Any] = {"fixed": True}
+"""Metadata of a field that is no parameter of a fit."""
+_SEEDS = 6000
+# Pixels at a time: their intermediate arrays then stay in the processor's cache.
+_BLOCK = 8192
+_STEP = 1e-6
+_PROBE_STEP_DEG = 0.5
+_LARGEST_PROBE_DEG = 175.0
+_PIXELS = ("fx", "fy", "cx", "cy", "skew")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ForeignLens(Lens):
+    """A lens of another tool's model."""
+
+    unwritten: ClassVar[tuple[str, ...]] = ()
+    """Parameters that other tools' files lack: :meth:`nearest_to` does not fit them."""
+
+    @classmethod
+    def starts(cls, radial: RadialCamera, covered: float) -> Sequence[Self]:
+        """Return lenses roughly like a radial one, from which least squares finds the nearest.
+
+        Args:
+            radial: a radial lens.
+            covered: angle from the axis up to which the two should agree, radians.
+
+        """
+        raise NotImplementedError
+
+    def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """See :class:`Lens`: by differences."""
+        by_parameter = []
+        parameters = self.parameters
+        for index, unit in enumerate(self.units):
+            step = np.zeros(len(parameters))
+            step[index] = _STEP * unit
+            ahead, behind = (self.with_parameters(parameters + way) for way in (step, -step))
+            with np.errstate(invalid="ignore"):  # beyond the lens's end
+                apart = ahead.pixels(points) - behind.pixels(points)
+            by_parameter.append(apart / (2 * step[index]))
+        return *self.pixel_and_slope(points), np.stack(by_parameter, axis=-1)
+
+    def pixel_and_slope(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """:meth:`pixel_and_slopes` without the parameters, of which a model may have hundreds."""
+        length = np.linalg.norm(points, axis=1, keepdims=True)
+        with np.errstate(invalid="ignore"):
+            by_point = [
+                (self.pixels(points + step) - self.pixels(points - step)) / (2 * _STEP * length)
+                for step in (_STEP * length * axis for axis in np.eye(3))
+            ]
+        return self.pixels(points), np.stack(by_point, axis=-1)
+
+    def sees(self, points: FloatArray) -> npt.NDArray[np.bool_]:
+        """Return whether the model's pixels of points (N, 3) are meant, (N,) bool."""
+        return np.ones(len(points), bool)
+
+    @classmethod
+    def nearest_to(cls, camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> Self:
+        """Return the lens nearest to a camera, least squares in pixels.
+
+        Args:
+            camera: the camera.
+            rays: (N, 3) unit rays of its field, in the lens's frame.
+            pixel: (N, 2) where the camera sees them.
+
+        Raises:
+            FitError: no lens of the model is near.
+
+        """
+        starts = cls.starts(camera.radial, float(angle_from_axis(rays).max()))
+        found, fixed = nearest_lens(starts, rays, pixel, fixed=cls.unwritten), cls.unwritten
+        for name, (least, most) in cls.limits.items():
+            index, moved = found.parameter_names.index(name), found.parameters
+            moved[index] = np.clip(moved[index], least, most)
+            if moved[index] != found.parameters[index]:
+                fixed = (*fixed, name)
+                found = nearest_lens([found.with_parameters(moved)], rays, pixel, fixed=fixed)
+        return found
+
+    @classmethod
+    def _list_keys(cls) -> list[str]:
+        """Return names of the fields that are parameters."""
+        return [one.name for one in fields(cls) if one.name != "image_size" and not one.metadata]
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """See :class:`Lens`."""
+        names: list[str] = []
+        for key in self._list_keys():
+            value = getattr(self, key)
+            numbers = range(1, np.size(value) + 1) if np.ndim(value) else [""]
+            names += [f"{key}{number}" for number in numbers]
+        return tuple(names)
+
+    @property
+    def parameters(self) -> FloatArray:
+        """See :class:`Lens`."""
+        return np.concatenate([np.ravel(getattr(self, key)) for key in self._list_keys()])
+
+    def with_parameters(self, parameters: FloatArray) -> Self:
+        """See :class:`Lens`."""
+        changes: dict[str, Any] = {}
+        start = 0
+        for key in self._list_keys():
+            shape = np.shape(getattr(self, key))
+            end = start + int(np.prod(shape))
+            part = parameters[start:end]
+            changes[key] = part.reshape(shape).copy() if shape else float(part[0])
+            start = end
+        return replace(self, **changes)
+
+    @cached_property
+    def max_angle(self) -> float:
+        """How far from its axis the lens is a camera, radians: no pole, fold or mirroring."""
+        return float(np.deg2rad(usable_angle_deg(self.pixel_and_slope)))
+
+    def project(self, points: npt.ArrayLike) -> FloatArray:
+        """See :class:`Lens`."""
+        points = np.asarray(points, float)
+        flat = points.reshape(-1, 3)
+        with np.errstate(all="ignore"):
+            pixel = self.pixels(flat)
+        seen = np.isfinite(pixel).all(axis=1) & self.sees(flat)
+        seen &= (flat[:, :2] != 0).any(axis=1) | (flat[:, 2] > 0)
+        return np.where(seen[:, None], pixel, np.nan).reshape(*points.shape[:-1], 2)
+
+    def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
+        """Turn pixels (..., 2) into unit rays (..., 3), NaN beyond :attr:`max_angle`.
+
+        Newton's method on the sphere, from the ray of a few thousand that is seen next to it.
+        """
+        from scipy.spatial import KDTree
+
+        pixel = np.asarray(pixel, float)
+        flat = pixel.reshape(-1, 2)
+        rays = np.full((len(flat), 3), np.nan)
+        seeds = cone_rays(self.max_angle, _SEEDS)
+        seen = self.project(seeds)
+        there = np.isfinite(seen[:, 0])
+        tree = KDTree(seen[there])
+        index = np.flatnonzero(np.isfinite(flat).all(axis=1) & there.any())
+        for block in np.array_split(index, len(index) // _BLOCK + 1):
+            _, near = tree.query(flat[block])
+            start = seeds[there][near]
+            rays[block] = rays_of_pixels(
+                flat[block], start, self.pixel_and_slope, UNPROJECT_TOLERANCE_PX
+            )
+        rays = unit_rays(rays)
+        with np.errstate(invalid="ignore"):
+            inside = angle_from_axis(rays) <= self.max_angle
+        return np.where(inside[:, None], rays, np.nan).reshape(*pixel.shape[:-1], 3)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FocalLens(ForeignLens):
+    """A lens of focal lengths and a principal point, and other parameters after them.
+
+    Attributes:
+        fx, fy: focal lengths, pixels.
+        cx, cy: principal point, pixels.
+
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    @classmethod
+    def near(cls, radial: RadialCamera, stretch: float = 1.0, **others: Any) -> Self:
+        """Return a lens about a radial one's centre, with its focal lengths times ``stretch``."""
+        return cls(
+            image_size=radial.image_size,
+            fx=stretch * radial.fx,
+            fy=stretch * radial.fy,
+            cx=radial.cx,
+            cy=radial.cy,
+            **others,
+        )
+
+    @property
+    def units(self) -> FloatArray:
+        """See :class:`Lens`: pixels count in focal lengths."""
+        return np.where(np.isin(self.parameter_names, _PIXELS), self.fx, 1.0)
+
+
+def usable_angle_deg(pixel_and_slope: PixelAndSlope) -> float:
+    """Return how far from its axis a lens is a camera: pixels finite, no fold, no mirroring."""
+    theta = np.deg2rad(np.arange(_PROBE_STEP_DEG, _LARGEST_PROBE_DEG, _PROBE_STEP_DEG))
+    azimuth = np.linspace(0, 2 * np.pi, 36, endpoint=False)
+    rays = ray_at(*np.broadcast_arrays(theta[:, None], azimuth)).reshape(-1, 3)
+    with np.errstate(all="ignore"):
+        pixel, slope = pixel_and_slope(rays)
+        # The basis has the sense of (d, first, second): at the axis that is the pixels' own.
+        across = slope @ tangent_basis(rays)
+        sense = across[:, 0, 0] * across[:, 1, 1] - across[:, 0, 1] * across[:, 1, 0]
+        good = np.isfinite(pixel).all(axis=1) & (sense > 0)
+    bad = np.flatnonzero(~good.reshape(len(theta), -1).all(axis=1))
+    last = len(theta) if not bad.size else int(bad[0])
+    return float(np.rad2deg(theta[last - 1])) if last else 0.0

@@ -1,0 +1,218 @@
+"""A cubic camera as the nearest lens of another model, and how near that is."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cubicfish.angles import angle_from_axis
+from cubicfish.errors import FitError
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.models.lens import Lens
+from cubicfish.models.radial import RadialCamera
+from cubicfish.solve.fit_lens import FreeLens, nearest_lens
+from cubicfish.solve.poses import cross_matrix
+from cubicfish.solve.statistics import rms_px
+from cubicfish.types import FloatArray
+from cubicfish_cli.comparison import pixel_grid, rings
+from cubicfish_cli.foreign.foreign_lens import ForeignLens
+
+_FIT_PIXELS = 6_000
+_ERROR_PIXELS = 40_000
+_FEWEST = 100
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ConversionError:
+    """How far a lens is from the camera that it stands for, as far as the camera is known.
+
+    Attributes:
+        rms_px: root mean square of the distance, sqrt(mean(dx² + dy²)).
+        max_px: the largest distance; infinite where the lens does not see a ray that the camera
+            sees.
+        max_angle_deg: the angle from the axis up to which both figures hold.
+        by_angle: in rings of 10° up to there: ``from_deg``, ``to_deg``, ``rms_px``, ``max_px``,
+            ``pixels``.
+        also: ``rms_px`` and ``max_px`` of the other ways to read the model's files
+            (:attr:`~cubicfish.models.lens.Lens.also`). The figures
+            above are those of the worst way, ``by_angle`` those of the model's own.
+        beyond: of the worst way, in what is left of the field out to its rim: ``from_deg``,
+            ``to_deg``, ``rms_px``, ``max_px``. None where nothing is left.
+
+    """
+
+    rms_px: float
+    max_px: float
+    max_angle_deg: float
+    by_angle: list[dict[str, float]]
+    also: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    beyond: Mapping[str, float] | None = None
+
+    def as_record(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return {
+            name: value for name, value in vars(self).items() if value is not None and value != {}
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Conversion:
+    """A lens that stands for a camera.
+
+    Attributes:
+        lens: the lens.
+        error: how far it is from the camera.
+        lens_from_camera: (3, 3) the turn from the camera's frame to the lens's: poses of
+            photos are to be turned by it.
+
+    """
+
+    lens: Lens
+    error: ConversionError
+    lens_from_camera: FloatArray
+
+    @property
+    def turned_deg(self) -> float:
+        """Angle of the turn."""
+        return float(np.rad2deg(Rotation.from_matrix(self.lens_from_camera).magnitude()))
+
+
+def to_lens(
+    camera: CubicCamera,
+    model: type[Lens],
+    *,
+    max_angle_deg: float | None = None,
+    covered_deg: float | None = None,
+) -> Conversion:
+    """Fit a lens of a model to a camera, least squares in pixels over its field.
+
+    Most models are symmetric about an axis, which real lenses are only nearly: the lens's frame is
+    turned to where a symmetric lens is nearest. A model of free form keeps the camera's frame.
+
+    Args:
+        camera: the camera.
+        model: which, as a format has it.
+        max_angle_deg: leave out what is farther from the axis; by default the whole field counts.
+        covered_deg: how far from the axis corners reached in the calibration: the error is stated
+            up to there, and separately beyond, where the camera itself is a guess. The fit
+            includes both, so that the lens does not go astray beyond.
+
+    Raises:
+        FitError: no lens of the model is near, or too little of the field is left.
+
+    """
+    rays, pixel = _sample_field(camera, _FIT_PIXELS, max_angle_deg)
+    turn = np.eye(3)
+    if model.symmetric:
+        turn = symmetric_frame(camera, rays, pixel)
+    if issubclass(model, ForeignLens):
+        lens: Lens = model.nearest_to(camera, rays @ turn.T, pixel)
+    else:
+        lens = nearest_lens([camera.radial], rays @ turn.T, pixel)
+    error = conversion_error(
+        camera,
+        lens,
+        turn,
+        max_angle_deg=max_angle_deg,
+        covered_deg=covered_deg,
+        every_way=True,
+    )
+    return Conversion(lens=lens, error=error, lens_from_camera=turn)
+
+
+def symmetric_frame(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> FloatArray:
+    """Return the turn (3, 3) of rays (N, 3) after which a symmetric lens fits their pixels best.
+
+    A lens that is decentred or tilted looks most symmetric from an axis of its own, and poses make
+    up for the turn.
+    """
+    from scipy.optimize import least_squares  # it takes long to load, and is seldom needed
+
+    start = FreeLens.of(camera.radial)
+    count = len(start.parameters)
+
+    def turned(values: FloatArray) -> tuple[FreeLens[RadialCamera], FloatArray]:
+        return start.with_parameters(values[:count]), Rotation.from_rotvec(values[count:]).apply(
+            rays
+        )
+
+    def residual(values: FloatArray) -> FloatArray:
+        lens, points = turned(values)
+        return np.asarray((lens.project(points) - pixel).reshape(-1))
+
+    def slope(values: FloatArray) -> FloatArray:
+        lens, points = turned(values)
+        _, by_point, by_values = lens.pixel_and_slopes(points)
+        by_turn = -by_point @ cross_matrix(points)  # turns are small: of first order
+        return np.concatenate([by_values, by_turn], axis=2).reshape(2 * len(rays), -1)
+
+    first = np.concatenate([start.parameters, np.zeros(3)])
+    found = least_squares(residual, first, jac=slope, x_scale="jac", max_nfev=100)
+    return np.asarray(Rotation.from_rotvec(found.x[count:]).as_matrix())
+
+
+def conversion_error(
+    camera: CubicCamera,
+    lens: Lens,
+    lens_from_camera: FloatArray | None = None,
+    *,
+    max_angle_deg: float | None = None,
+    covered_deg: float | None = None,
+    every_way: bool = False,
+) -> ConversionError:
+    """Return how far a lens is from a camera, on a grid of 40,000 of its pixels.
+
+    With ``every_way`` the other ways to read the model's files count too: any of them may read
+    a file that is written, while a file that was read means the model itself.
+    """
+    rays, pixel = _sample_field(camera, _ERROR_PIXELS, max_angle_deg)
+    turn = np.eye(3) if lens_from_camera is None else lens_from_camera
+    theta = angle_from_axis(rays)
+    inside = np.ones(len(rays), bool)
+    if covered_deg is not None and (theta <= np.deg2rad(covered_deg)).sum() >= _FEWEST:
+        inside = theta <= np.deg2rad(covered_deg)
+    ways = lens.also if every_way else {}
+    misses = [project(rays @ turn.T) - pixel for project in (lens.project, *ways.values())]
+    worst = _measure_miss([miss[inside] for miss in misses])
+    end_deg = float(np.rad2deg(theta[inside].max()))
+    beyond = None
+    if not inside.all():
+        to_deg = float(np.rad2deg(theta.max()))
+        figures = _measure_miss([miss[~inside] for miss in misses])
+        beyond = {"from_deg": end_deg, "to_deg": to_deg, **figures}
+    seen = inside & np.isfinite(misses[0]).all(axis=1)
+    return ConversionError(
+        rms_px=worst["rms_px"],
+        max_px=worst["max_px"],
+        max_angle_deg=end_deg,
+        by_angle=rings(theta[seen], misses[0][seen]) if seen.any() else [],
+        also={way: _measure_miss([its[inside]]) for way, its in zip(ways, misses[1:], strict=True)},
+        beyond=beyond,
+    )
+
+
+def _measure_miss(misses: Sequence[FloatArray]) -> dict[str, float]:
+    """Return the worst RMS and distance of several (N, 2); infinite if a ray is not seen."""
+    if not all(np.isfinite(miss).all() for miss in misses):
+        return {"rms_px": np.inf, "max_px": np.inf}
+    largest = max(float(np.linalg.norm(miss, axis=1).max()) for miss in misses)
+    return {"rms_px": max(map(rms_px, misses)), "max_px": largest}
+
+
+def _sample_field(
+    camera: CubicCamera, count: int, max_angle_deg: float | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return rays (N, 3) and pixels (N, 2) spread evenly over the photo, where the camera sees."""
+    pixel = pixel_grid(camera.image_size, count)
+    rays = camera.unproject(pixel)
+    good = np.isfinite(rays[:, 0])
+    if max_angle_deg is not None:
+        good[good] = angle_from_axis(rays[good]) <= np.deg2rad(max_angle_deg)
+    if good.sum() < _FEWEST:
+        raise FitError(
+            "too little of the photo lies within that angle of the axis: choose a larger "
+            "--max-angle"
+        )
+    return rays[good], pixel[good]

@@ -1,0 +1,1 @@
+"""What a caller names: paths, targets, photos or tables, a calibration's folder."""

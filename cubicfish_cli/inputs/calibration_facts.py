@@ -1,0 +1,410 @@
+"""A calibration's record, and each corner's error computed again from it.
+
+Of a fit, or of a calibration's folder, with what cannot be found left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from os.path import realpath
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cubicfish.angles import angle_from_axis
+from cubicfish.fit.calibration import Calibration
+from cubicfish.fit.coverage import FieldCells, field_cells
+from cubicfish.io.camera_yaml import CameraRecord, load_any_camera
+from cubicfish.io.corners_csv import load_corners, load_correspondences
+from cubicfish.judge.fit_record import FileRecord, FitRecord, Origin, PhotoRecord
+from cubicfish.judge.verdict import photo_verdicts
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.solve.poses import rotation_from_vector
+from cubicfish.solve.statistics import rms_px
+from cubicfish.solve.subset import select
+from cubicfish.target.observations import Observations
+from cubicfish.target.placement import best_named
+from cubicfish.target.target import Target
+from cubicfish.types import BoolArray, FloatArray
+from cubicfish.wording import quoted
+from cubicfish_cli.fingerprint import sha256_of
+from cubicfish_cli.inputs.target_source import target_in
+from cubicfish_cli.photos.photos import find_photos
+from cubicfish_cli.sufficiency.sufficiency import summary
+from cubicfish_cli.words.camera import photo_words
+
+if TYPE_CHECKING:
+    from cubicfish.models.point import PointCamera
+    from cubicfish_cli.foreign.point_fit import PointCalibration
+
+REFINED = ("shape", "points")
+"""What ``refine_target`` of a fit's record says where the target was fitted too."""
+# Errors that are worked out again and differ by more than this share are of other corners.
+_SAME_RMS = 0.02
+_SAME_RMS_PX = 1e-3
+_REFINED = "target.refined.yaml"
+_CORNERS = "corners.csv"
+# Programs that save a calibration may put the target there; its place is not on record then.
+_TARGET = "target.yaml"
+
+_NO_PHOTOS = (
+    "Pictures of the photos, and an undistorted one: the photos are not at hand. "
+    "'cubicfish report --photos FOLDER' shows them."
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ErrorFacts:
+    """Every used corner with its error.
+
+    Attributes:
+        pairs: the corners.
+        residual: (N, 2) projection less pixel, pixels.
+        angle_deg: (N,) from the camera's axis; None for a camera without rays.
+        cells: the field in squares, and which of them hold corners.
+
+    """
+
+    pairs: Observations
+    residual: FloatArray
+    angle_deg: FloatArray | None
+    cells: FieldCells
+
+    @property
+    def length(self) -> FloatArray:
+        """(N,) lengths of the residuals, pixels."""
+        return np.hypot(self.residual[:, 0], self.residual[:, 1])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Facts:
+    """What is known of a calibration.
+
+    Attributes:
+        known: the camera and its records, and what follows from these.
+        verdict_words: how each photo stands beside the others, in words, by its name.
+        dropped_pixels: photo and (2,) pixel of those dropped corners that are at hand.
+        errors: None where the corners or what they are of are not at hand.
+        lack: why ``errors`` is None; None where it is not.
+        target: the calibration target as fitted; None where it is not at hand.
+        files: where each photo is, as far as that is known.
+        digests: SHA-256 that a photo's file must have to be shown, where that is known.
+        absent: what the page lacks and why, a line each.
+        advice: what to photograph next, in a line; None where the corners are not at hand or the
+            camera has no rays.
+
+    """
+
+    known: CameraRecord
+    verdict_words: Mapping[str, str]
+    dropped_pixels: tuple[tuple[str, FloatArray], ...]
+    errors: ErrorFacts | None
+    lack: str | None
+    target: Target | None
+    files: Mapping[str, Path]
+    digests: Mapping[str, str]
+    absent: tuple[str, ...]
+    advice: str | None
+
+    @property
+    def camera(self) -> CubicCamera | PointCamera:
+        """The camera."""
+        return self.known.camera
+
+    @property
+    def fit(self) -> FitRecord:
+        """How well it fits."""
+        return self.known.fit
+
+    @property
+    def photos(self) -> tuple[PhotoRecord, ...]:
+        """Of the fit, in its order."""
+        return self.fit.per_image
+
+    @property
+    def units(self) -> str:
+        """Unit of lengths; empty where the target is not known."""
+        return self.target.units if self.target else ""
+
+    @cached_property
+    def outline(self) -> FloatArray:
+        """(K, 2) the field within the photo where the camera may be trusted, pixels."""
+        # As camera.yaml has it, so that a camera from memory gives the same page as from its file.
+        return np.round(self.camera.outline(), 3)
+
+
+def gather(
+    known: CameraRecord,
+    *,
+    pairs: Observations | None,
+    target: Target | None,
+    files: Mapping[str, Path],
+    digests: Mapping[str, str] | None = None,
+    lack: str | None = None,
+    absent: Sequence[str] = (),
+) -> Facts:
+    """Put together what is known.
+
+    Args:
+        known: the camera and its records.
+        pairs: the corners with the world points of the target as fitted. Those that the fit
+            left out may be among them.
+        target: the calibration target as fitted.
+        files: the photos' files by the photos' names.
+        digests: SHA-256 that these files must have, by the photos' names; others are not shown.
+        lack: why there are no pairs.
+        absent: what else is known to be missing and why, a line each.
+
+    """
+    camera, fit = known.camera, known.fit
+    judged = photo_verdicts(fit.per_image, fit.dropped_corners, camera.image_size)
+    verdict_words = zip(fit.per_image, judged, strict=True)
+    lines = [*absent]
+    errors = None
+    pixels: tuple[tuple[str, FloatArray], ...] = ()
+    if pairs is not None:
+        if target is not None and fit.renamed_images:
+            pairs = best_named(
+                pairs,
+                target,
+                lambda one: np.square(_measure_residuals(camera, fit, one)[1]).sum(axis=1),
+            )
+        errors, lack = _measure_errors(camera, fit, pairs)
+        pixels = tuple(
+            (pairs.images[pairs.image[index]], pairs.pixel[index])
+            for index in np.flatnonzero(_find_dropped(pairs, fit))
+        )
+    if lack is not None:
+        hint = "'cubicfish report --target FILE' names another target"
+        lines.insert(0, f"Corners and errors: {lack}; {hint}.")
+    if fit.per_image and not files:
+        lines.append(_NO_PHOTOS)
+    return Facts(
+        known=known,
+        verdict_words={photo.image: photo_words(own) for photo, own in verdict_words},
+        dropped_pixels=pixels,
+        errors=errors,
+        lack=lack,
+        target=target,
+        files=files,
+        digests=digests or {},
+        absent=tuple(lines),
+        advice=summary(camera, fit, errors.pairs)
+        if errors is not None and isinstance(camera, CubicCamera)
+        else None,
+    )
+
+
+def _measure_residuals(
+    camera: CubicCamera | PointCamera, fit: FitRecord, pairs: Observations
+) -> tuple[FloatArray, FloatArray]:
+    """(N, 3) corners in the camera's frame, and (N, 2) projection less pixel.
+
+    NaN in photos whose place is not on record.
+    """
+    points, poses = np.full(pairs.world.shape, np.nan), fit.poses
+    if not isinstance(camera, CubicCamera) and camera.frame == "world":
+        poses = {photo.image: (np.zeros(3), np.zeros(3)) for photo in fit.per_image}
+    for photo, name in enumerate(pairs.images):
+        if name in poses:
+            own, (vector, shift) = pairs.image == photo, poses[name]
+            points[own] = pairs.world[own] @ rotation_from_vector([vector])[0].T + shift
+    return points, camera.project(points, near=True) - pairs.pixel
+
+
+def _measure_errors(
+    camera: CubicCamera | PointCamera, fit: FitRecord, pairs: Observations
+) -> tuple[ErrorFacts | None, str | None]:
+    """Every used corner's error, or why there is none."""
+    points, residual = _measure_residuals(camera, fit, pairs)
+    length = np.hypot(*residual.T)
+    kept = np.isfinite(length) & ~_find_dropped(pairs, fit)
+    if fit.refine_target == "points":
+        # A corner that may be another one than it is named as had a point of its own in the fit.
+        kept &= pairs.certain
+    if not isinstance(camera, CubicCamera) and 0 < fit.corners < kept.sum():
+        # Which corners this fit dropped is not on record: they were the worst.
+        order = np.argsort(np.where(kept, length, np.inf), kind="stable")
+        kept[order[fit.corners :]] = False
+    if not kept.any():
+        return None, "no corner at hand is of a photo of this fit, where the camera may be trusted"
+    used, _ = select(pairs, kept)
+    residual, points = residual[kept], points[kept]
+    before, now = fit.rms_px, rms_px(residual)
+    if abs(now - before) > max(_SAME_RMS * before, _SAME_RMS_PX):
+        return None, (
+            f"the corners and the target at hand give an RMS of {now:.3f} px and the fit had "
+            f"{before:.3f} px: they are not those of the fit"
+            + (
+                " (the target was fitted too, and target.refined.yaml holds it)"
+                if fit.refine_target in REFINED
+                else ""
+            )
+        )
+    is_ray = isinstance(camera, CubicCamera)
+    angle = np.rad2deg(angle_from_axis(points)) if is_ray else None
+    cells = field_cells(camera, used.pixel)
+    return ErrorFacts(pairs=used, residual=residual, angle_deg=angle, cells=cells), None
+
+
+def _find_dropped(pairs: Observations, fit: FitRecord) -> BoolArray:
+    """Which pairs are corners that the fit dropped."""
+    if not fit.dropped_corners:
+        return np.zeros(len(pairs.pixel), bool)
+    gone = {(one.image, one.board, one.column, one.row) for one in fit.dropped_corners}
+    rows = np.stack([pairs.image, pairs.board, pairs.column, pairs.row], axis=1).tolist()
+    names = [*pairs.boards, None]  # of points without a board, whose index is -1
+    return np.array([(pairs.images[i], names[b], c, r) in gone for i, b, c, r in rows], bool)
+
+
+def matched(names: Sequence[str], paths: Sequence[Path]) -> dict[str, Path]:
+    """Which file is which photo: by the file's name, or the end of its path.
+
+    A name that several files have is left out, as is one that none has.
+    """
+    found: dict[str, list[Path]] = {}
+    for path in paths:
+        parts = path.as_posix().split("/")
+        for length in range(1, len(parts) + 1):
+            found.setdefault("/".join(parts[-length:]), []).append(path)
+    return {name: found[name][0] for name in names if len(found.get(name, ())) == 1}
+
+
+def facts_of_files(
+    camera_file: Path,
+    *,
+    target: Path | None,
+    photos: Sequence[Path],
+    corners: Path | None = None,
+) -> Facts:
+    """Read a camera and what lies beside it, or where it says that it came from.
+
+    A file that the camera file names is read only if it still has the SHA-256 that stands there.
+
+    Args:
+        camera_file: camera.yaml; corners.csv, target.refined.yaml and, where the target's place is
+            not on record, target.yaml are looked for beside it.
+        target: the nominal calibration target, where it is not at its recorded place.
+        photos: files, folders or patterns of the photos, where they are not at theirs.
+        corners: the corners.csv of the fit, where it is not beside the camera.
+
+    Raises:
+        CubicfishError: a file that is there cannot be used.
+
+    """
+    loaded = load_any_camera(camera_file)
+    origin = loaded.origin
+    folder = camera_file.parent
+    absent: list[str] = []
+    refined = loaded.fit.refine_target in REFINED
+    nominal = target or _find_recorded(origin.target, folder) or _find_beside(folder, _TARGET)
+    if refined:
+        nominal = _find_beside(folder, _REFINED) or target
+    thing = None if nominal is None else target_in(nominal)
+    size = loaded.camera.image_size
+    pairs = _load_pairs(corners or folder / _CORNERS, folder, origin, thing, size)
+    lack = _explain_lack(folder, origin, thing, refined=refined) if pairs is None else None
+    names = [photo.image for photo in loaded.fit.per_image]
+    digests = {Path(one.file): one.sha256 for one in origin.inputs}
+    recorded = matched(names, [*digests])
+    if photos:
+        found = find_photos(photos)
+        files = {photo.name: photo.path for photo in found}
+        files = {**matched(names, [photo.path for photo in found]), **files}
+    else:
+        places = {name: _place(path, folder) for name, path in recorded.items()}
+        files = {name: path for name, path in places.items() if path is not None}
+    lost = [name for name in names if name not in files]
+    if lost and files:
+        absent.append(f"{len(lost)} of {len(names)} photos are not at hand, such as {lost[0]}.")
+    return gather(
+        loaded,
+        pairs=pairs,
+        target=thing,
+        files=files,
+        digests={name: digests[path] for name, path in recorded.items()},
+        lack=lack,
+        absent=absent,
+    )
+
+
+def facts_of_fit(
+    fitted: Calibration | PointCalibration, pairs: Observations, photos: Sequence[Path]
+) -> Facts:
+    """What a page says of a fit that is still at hand.
+
+    Args:
+        fitted: the fit.
+        pairs: what was fitted to.
+        photos: the photos' files; none for corners alone.
+
+    """
+    target = fitted.target
+    if target is not None:
+        pairs = pairs.with_target(target)
+    files = matched([photo.image for photo in fitted.fit.per_image], photos)
+    return gather(fitted, pairs=pairs, target=target, files=files)
+
+
+def _load_pairs(
+    beside: Path,
+    folder: Path,
+    origin: Origin,
+    target: Target | None,
+    size: tuple[int, int],
+) -> Observations | None:
+    if target is not None and beside.is_file():
+        return load_corners(beside, target, image_size=size)
+    table = _find_recorded(origin.inputs[0], folder) if len(origin.inputs) == 1 else None
+    if table is None or table.suffix.lower() != ".csv":
+        return None
+    if origin.target is None:
+        return load_correspondences(table, image_size=size)
+    return None if target is None else load_corners(table, target, image_size=size)
+
+
+def _explain_lack(folder: Path, origin: Origin, target: Target | None, *, refined: bool) -> str:
+    """What is missing of the corners, or of what they are of."""
+    has_corners = (folder / _CORNERS).is_file()
+    if target is None and (has_corners or (origin.inputs and origin.target is not None)):
+        if refined:
+            return f"the target was fitted too, and {_REFINED} is not beside the camera"
+        if origin.target is not None:
+            name = quoted(origin.target.file)
+            return f"the target is not where it was, or has changed ({name})"
+        return f"the target is not on record, and no {_TARGET} is beside the camera"
+    if origin.inputs:
+        source = "the table that it was calibrated from is not where it was, or has changed"
+    else:
+        source = "what it was calibrated from is not on record"
+    return f"there is no {_CORNERS} beside the camera, and {source}"
+
+
+def _find_beside(folder: Path, name: str) -> Path | None:
+    path = folder / name
+    return path if path.is_file() else None
+
+
+def _find_recorded(record: FileRecord | None, folder: Path) -> Path | None:
+    """The file that a record names, if it is there and still the same."""
+    if record is None:
+        return None
+    path = _place(Path(record.file), folder)
+    try:
+        return path if path and sha256_of(path) == record.sha256 else None
+    except OSError:
+        return None
+
+
+def _place(path: Path, folder: Path) -> Path | None:
+    """Where a recorded path leads: from here, or from the folder that holds the calibration's."""
+    for place in (path, Path(realpath(folder)).parent / path):
+        try:
+            if place.is_file():
+                return place
+        except (OSError, ValueError):  # a name that no file can have
+            continue
+    return None

@@ -1,0 +1,162 @@
+"""The files and folders that a caller names, checked before anything is loaded or done."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Sequence
+from glob import has_magic
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cubicfish.errors import (
+    MISSING,
+    CameraFileError,
+    CubicfishError,
+    UsageError,
+)
+from cubicfish.files.whole_files import StrPath
+from cubicfish.wording import quoted
+from cubicfish_cli.listener import Listener
+
+if TYPE_CHECKING:
+    from cubicfish_cli.inputs.target_source import TargetSource
+    from cubicfish_cli.photos.photos import Photo
+    from cubicfish_cli.run import Run
+
+RECORDING_SUFFIXES = (".bag", ".mcap", ".db3")
+_WITH_TOPIC = re.compile(r"(?P<file>.+?):(?P<topic>/.*)")
+
+
+def in_folder(path: Path) -> Path:
+    """The camera file that is meant: a folder stands for the camera.yaml in it.
+
+    Raises:
+        CameraFileError: the folder has none.
+
+    """
+    if not path.is_dir():
+        return path
+    inside = path / "camera.yaml"
+    if inside.exists():
+        return inside
+    if (path / "rig.yaml").exists():
+        raise CameraFileError(
+            f"{path} is the folder of a rig: name one of its cameras, a folder in it, or do this "
+            "with 'cubicfish rig'"
+        )
+    raise CameraFileError(
+        f"{path} is a folder without a {inside.name}: name the folder that 'cubicfish "
+        "calibrate' wrote, or a camera file"
+    )
+
+
+def paths_of(given: StrPath | Iterable[StrPath]) -> list[Path]:
+    """Names that may come alone or several together."""
+    return [Path(given)] if isinstance(given, str | os.PathLike) else list(map(Path, given))
+
+
+def path_or_none(given: StrPath | None) -> Path | None:
+    """A name that may be left out."""
+    return None if given is None else Path(given)
+
+
+def file_and_topic(path: Path) -> tuple[Path, str | None]:
+    """Split a recording's name into its file or folder and the topic, None where it names none."""
+    found = _WITH_TOPIC.fullmatch(str(path))
+    if found is None or path.exists():
+        return path, None
+    return Path(found["file"]), found["topic"]
+
+
+def check_inputs(
+    inputs: Sequence[Path],
+    target: TargetSource,
+    run: Run,
+    *,
+    correspondences: Path | None = None,
+    image_size: tuple[int, int] | None = None,
+) -> bool:
+    """Refuse at once, before anything is loaded or done, what cannot be read or says nothing here.
+
+    Returns:
+        Whether they are 2D-3D pairs, which have no target.
+
+    Raises:
+        UsageError: the inputs do not go together, or an option would have no effect.
+        CubicfishError: one is not there.
+
+    """
+    if correspondences is not None and inputs:
+        raise UsageError("give photos (or corners.csv) or --correspondences, not both")
+    if correspondences is None and not inputs:
+        raise UsageError("name photos, a folder of photos, or a corners.csv")
+    tables = tables_among(inputs)
+    if tables and len(inputs) > 1:
+        raise UsageError(f"{quoted(str(tables[0]))} must be the only input, as all CSV files")
+    for path in inputs if correspondences is None else [correspondences]:
+        file, _ = file_and_topic(path)
+        if not os.path.lexists(file) and not has_magic(str(file)):
+            raise CubicfishError(f"{file} {MISSING}")
+    pairs = correspondences is not None or any(map(holds_world_points, tables))
+    if not pairs:
+        target.check()
+    elif target.is_known and not target.by_default:
+        raise UsageError(
+            "--target, --board and --square say what photos show, and 2D-3D pairs know their "
+            "points: leave it out"
+        )
+    if pairs or tables:
+        for name, given in (("--jobs", run.jobs is not None), ("--no-cache", run.anew)):
+            if given:
+                raise UsageError(
+                    f"{name} goes with photos and films, which are searched, not with CSV files"
+                )
+    elif image_size is not None:
+        raise UsageError("--size is of CSV files: photos have their own size")
+    return pairs
+
+
+def tables_among(inputs: Sequence[Path]) -> list[Path]:
+    """Those of the inputs that are tables, by their names."""
+    return [path for path in inputs if path.suffix.lower() == ".csv"]
+
+
+def holds_world_points(path: Path) -> bool:
+    """Whether the header of a CSV file is that of correspondences."""
+    try:
+        if not path.is_file():  # a pipe might be waited for
+            return False
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            lines = [file.readline(10_000) for _ in range(2)]
+    except OSError:
+        return False  # the reader says what is wrong with it
+    header = lines[1] if lines[0].startswith("#") else lines[0]
+    return {"X", "Y", "Z"} <= {cell.strip() for cell in header.split(",")}
+
+
+def is_recording(path: Path) -> bool:
+    """Return whether a name means a recording, with or without topic: ``run.bag:/cam0/image``."""
+    file, _ = file_and_topic(path)
+    if file.is_dir():
+        return (file / "metadata.yaml").is_file() and any(
+            part.suffix.lower() in RECORDING_SUFFIXES for part in file.iterdir()
+        )
+    return file.suffix.lower() in RECORDING_SUFFIXES
+
+
+def named_photos(inputs: Sequence[StrPath], listener: Listener) -> list[Photo]:
+    """The photos that are named; what may be missed among them is reported.
+
+    Raises:
+        PhotoError: there are none, or one cannot be used.
+
+    """
+    from cubicfish_cli.listener import Event
+    from cubicfish_cli.photos.photos import find_photos
+
+    lines: list[str] = []
+    photos = find_photos(inputs, lines)
+    for line in lines:
+        listener.tell(Event.PASSED_OVER, line=line)
+    return photos

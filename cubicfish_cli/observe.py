@@ -1,0 +1,166 @@
+"""What a camera is calibrated from or measured on: photos, films or tables -> 2D-3D pairs."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cubicfish.errors import CorrespondenceError
+from cubicfish.find.identification.identified import Detection, line_of
+from cubicfish.io.corners_csv import load_corners, load_correspondences
+from cubicfish.judge.finding import Finding
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import target_text
+from cubicfish_cli.fingerprint import Fingerprint, fingerprint
+from cubicfish_cli.inputs.paths import holds_world_points, is_recording, named_photos, tables_among
+from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.listener import Event
+from cubicfish_cli.photos.photos import VIDEO_SUFFIXES
+from cubicfish_cli.run import Run
+from cubicfish_cli.words.phrases import plural
+
+if TYPE_CHECKING:
+    from cubicfish.fit.calibration import Calibration
+
+# Of more photos than these, some are as good as all.
+_MANY = 200
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Inputs:
+    """Corners or points with their world points, and what they came from.
+
+    Attributes:
+        pairs: the corners or points, sorted by photo.
+        corners: the named corners in the order that they came in; None for points without names.
+        detection: what was found in each photo; None for CSV files.
+        files: every file that was read, in order, as it was before.
+        target_file: the target's.
+        chosen: why no more photos were chosen, in a sentence; None where all were taken.
+
+    """
+
+    pairs: Observations
+    files: tuple[Fingerprint, ...]
+    corners: Observations | None = None
+    detection: Detection | None = None
+    target_file: Fingerprint | None = None
+    chosen: str | None = None
+
+    @property
+    def given(self) -> Detection | Observations:
+        """What was given, as a fit takes it."""
+        return self.detection or self.pairs
+
+    @property
+    def photos(self) -> list[Path]:
+        """The photos' files; none of CSV files."""
+        return [] if self.detection is None else [file.path for file in self.files]
+
+    @property
+    def photo_findings(self) -> list[Finding]:
+        """What is reported of photos and grids."""
+        photos = () if self.detection is None else self.detection.photos
+        return [one for photo in photos for one in photo.findings]
+
+    def named_by(self, fitted: Calibration) -> Inputs:
+        """The same with the names that a fit gave the corners."""
+        corners = self.corners and fitted.named(self.corners)
+        return replace(self, pairs=fitted.named(self.pairs), corners=corners)
+
+    def nominal(self, target: TargetSource) -> str | None:
+        """The text of a target that is in no file yet."""
+        thing = self.pairs.target
+        return target_text(thing) if target.needs_file and thing is not None else None
+
+    def remarks(self, more: Iterable[Finding] = ()) -> dict[str, Any]:
+        """What is reported of photos and grids, in lines and as records, and records of others."""
+        found = self.photo_findings
+        return {
+            "photo_problems": None if self.detection is None else list(map(line_of, found)),
+            "remarks": [one.as_record() for one in (*found, *more)],
+        }
+
+
+def load_inputs(
+    inputs: Sequence[Path],
+    target: TargetSource,
+    run: Run,
+    *,
+    correspondences: Path | None = None,
+    image_size: tuple[int, int] | None = None,
+    most: int | None = None,
+) -> Inputs:
+    """Read pairs from photos, one corners.csv or one correspondences.csv, which are checked.
+
+    Args:
+        inputs: the photos, or the table.
+        target: what they show.
+        run: how the work is done.
+        correspondences: a table of 2D-3D pairs instead.
+        image_size: (width, height) of the photos, for tables that do not say.
+        most: of more photos than these, those that add most are taken.
+
+    Raises:
+        UsageError: the inputs do not go together.
+        CubicfishError: an input cannot be used.
+
+    """
+    tables = tables_among(inputs)
+    pairs = correspondences or next(filter(holds_world_points, tables), None)
+    if pairs is not None:
+        file = fingerprint(pairs)
+        loaded = Inputs(pairs=load_correspondences(pairs, image_size=image_size), files=(file,))
+    elif tables:
+        target_file, file = target.fingerprint(), fingerprint(tables[0])
+        corners = load_corners(tables[0], target.load(run.listener)[0], image_size=image_size)
+        loaded = Inputs(pairs=corners, corners=corners, files=(file,), target_file=target_file)
+    else:
+        # Tables need no finder of corners, and begin at once without it.
+        from cubicfish_cli.detection.detection import find_corners
+
+        target_file = target.fingerprint()
+        targets = target.load(run.listener)
+        photos, ended = named_photos(inputs, run.listener), None
+        if most is not None and len(photos) > most:
+            from cubicfish_cli.films.frame_search import choose_photos
+
+            count = len(photos)
+            photos, ended = choose_photos(photos, targets, run, most=most)
+            run.listener.tell(Event.PHOTOS_CHOSEN, chosen=len(photos), photos=count, ended=ended)
+        elif most is None and len(photos) > _MANY:
+            run.listener.tell(Event.MANY_PHOTOS, photos=len(photos))
+        files = tuple(fingerprint(photo.path) for photo in photos)
+        detection = find_corners(photos, targets, run)
+        loaded = Inputs(
+            pairs=detection.corners,
+            corners=detection.corners,
+            detection=detection,
+            files=files,
+            target_file=target_file,
+            chosen=ended,
+        )
+    pixel = loaded.pairs.pixel
+    if len(pixel) > 1 and float((pixel.max(axis=0) - pixel.min(axis=0)).max()) < 1:
+        x, y = pixel[0]
+        raise CorrespondenceError(
+            f"all {plural(len(pixel), 'corner')} are at x {x:g}, y {y:g}: check the columns x and y"
+        )
+    return loaded
+
+
+def films_among(inputs: Sequence[Path]) -> list[Path]:
+    """Those of the inputs that are films, recordings or patterns of such, by their names."""
+    return [
+        path
+        for path in inputs
+        if (path.suffix.lower() in VIDEO_SUFFIXES and not path.is_dir()) or is_recording(path)
+    ]
+
+
+def recorded_as(text: str, path: Path) -> dict[str, str]:
+    """What camera.yaml has of a target whose file is written together with it."""
+    return {"file": str(path), "sha256": hashlib.sha256(text.encode()).hexdigest()}

@@ -1,0 +1,1 @@
+"""What is drawn: boards and targets, corners over photos, differences, and HTML pages."""

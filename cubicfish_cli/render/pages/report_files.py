@@ -1,0 +1,34 @@
+"""The result of a command that writes a page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cubicfish.judge.verdict import Verdict
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportFiles:
+    """The result of a command that writes a report.
+
+    Attributes:
+        page: the page.
+        model: the file that it is about.
+        verdict: what the camera or the rig is worth.
+        absent: what is not on the page, a line each.
+
+    """
+
+    page: Path
+    model: Path
+    verdict: Verdict
+    absent: Sequence[str] = ()
+
+    def as_record(self) -> dict[str, Any]:
+        """Return plain data: what ``cubicfish report --json`` prints."""
+        named = {"report": str(self.page), "model": str(self.model)}
+        return {**named, "verdict": self.verdict.as_record(), "absent": self.absent}

@@ -1,0 +1,173 @@
+"""Whether photos so far are enough, and which parts of the picture they leave empty.
+
+Photos are enough if the verdict asks for none: advice, report and commands all go by it.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cubicfish.angles import angle_from_axis, azimuth
+from cubicfish.fit.coverage import FieldCells, field_cells
+from cubicfish.judge.codes import Code, Severity
+from cubicfish.judge.finding import Finding
+from cubicfish.judge.fit_record import FitRecord
+from cubicfish.judge.uncertainty import FieldUncertainty, of_size
+from cubicfish.judge.verdict import Verdict, verdict
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.target.observations import Observations
+from cubicfish.types import FloatArray, IntArray
+
+GOAL_PX = 0.2
+"""What proposals aim at over the field, for photos of up to 2000 pixels per side;
+larger ones in proportion."""
+_PARTS = 2
+# The middle, which has no sides, reaches so far; of the rest the outer ring has this share.
+_MIDDLE_FIELD_DEG = 20.0
+_OUTER_RING = 0.4
+# A part counts as empty when so many of its squares hold no corner.
+_EMPTY_SHARE = 0.6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """A part of the picture without corners.
+
+    Attributes:
+        sides: indices of SIDES; all eight is a ring, none the middle.
+        from_deg, to_deg: angles from the axis.
+        share: of the field's squares that are empty there, of all squares of the field.
+
+    """
+
+    sides: tuple[int, ...]
+    from_deg: float
+    to_deg: float
+    share: float
+
+    @property
+    def words(self) -> str:
+        """``upper left, 60–80° from the axis``."""
+        angles = f"{self.from_deg:.0f}–{self.to_deg:.0f}° from the axis"
+        if not self.sides:
+            return f"the middle, up to {self.to_deg:.0f}° from the axis"
+        if len(self.sides) == 8:
+            return f"all around, {angles}"
+        *others, last = (SIDES[side] for side in self.sides)
+        return f"{' and '.join(filter(None, [', '.join(others), last]))}, {angles}"
+
+    def as_record(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return {
+            "sides": [SIDES[side] for side in self.sides],
+            "from_deg": self.from_deg,
+            "to_deg": self.to_deg,
+            "share": self.share,
+            "words": self.words,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CoverageGaps:
+    """Coverage gaps: what photos so far do not show.
+
+    Attributes:
+        parts: empty parts of the field, the largest first.
+        cells: the field in squares, and which hold corners.
+
+    """
+
+    parts: tuple[Part, ...]
+    cells: FieldCells
+
+
+def find_coverage_gaps(camera: CubicCamera, pairs: Observations) -> CoverageGaps:
+    """Look for parts of the field without corners: of the middle, and of two rings around it.
+
+    Args:
+        camera: the camera.
+        pairs: the corners that it was fitted to.
+
+    """
+    cells = field_cells(camera, pairs.pixel)
+    row, column = np.nonzero(cells.field)
+    rays = camera.unproject((np.stack([column, row], axis=-1) + 0.5) * cells.cell - 0.5)
+    seen = np.isfinite(rays[:, 0])
+    rays, gone = rays[seen], cells.empty[row, column][seen]
+    angle, side = np.degrees(angle_from_axis(rays)), side_of(rays[:, :2])
+    rim = max(camera.max_angle_deg, _MIDDLE_FIELD_DEG)
+    outer = rim - _OUTER_RING * (rim - _MIDDLE_FIELD_DEG)
+    parts = []
+    for low, high in ((0.0, _MIDDLE_FIELD_DEG), (_MIDDLE_FIELD_DEG, outer), (outer, rim)):
+        ring = (angle >= low) & (angle < high)
+        ways = [ring] if not low else [ring & (side == way) for way in range(len(SIDES))]
+        lost = [
+            way for way, own in enumerate(ways) if own.any() and gone[own].mean() >= _EMPTY_SHARE
+        ]
+        if lost:
+            share = sum(gone[ways[way]].sum() for way in lost) / len(rays)
+            sides = tuple(lost) if low else ()
+            parts.append(Part(sides=sides, from_deg=low, to_deg=high, share=float(share)))
+    return CoverageGaps(parts=tuple(sorted(parts, key=lambda part: -part.share)), cells=cells)
+
+
+# Clockwise from the right, y down, an eighth of a turn each.
+SIDES = (
+    "right", "lower right", "bottom", "lower left", "left", "upper left", "top", "upper right",
+)  # fmt: skip
+
+
+def side_of(offset: FloatArray) -> IntArray:
+    """Return the eighth of the picture of offsets (..., 2) from the axis, an index of SIDES."""
+    turn = azimuth(offset)
+    eighth: IntArray = np.rint(turn / (np.pi / 4)).astype(np.intp) % 8
+    return eighth
+
+
+def default_goal(image_size: tuple[int, int]) -> float:
+    """Return the uncertainty to aim at by default, pixels."""
+    return GOAL_PX * of_size(image_size)
+
+
+def explain_insufficiency(
+    judged: Verdict, now: FieldUncertainty | None = None, goal: float | None = None
+) -> list[Finding]:
+    """Return why photos so far are not enough; an empty list if they are.
+
+    Args:
+        judged: the camera's verdict.
+        now: its uncertainty over the field, if known.
+        goal: the uncertainty wanted over 95 % of the field, pixels; None for no wish.
+
+    """
+    reasons = [one for one in judged.reasons if one.asks_for_photos]
+    if judged.level == "bad" and judged.reasons[0] not in reasons:
+        first = judged.reasons[0]
+        texts = {"against": first.why, "mend": first.do}
+        reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=texts))
+    if goal is not None and now is not None and now.p95_px > goal:
+        figures = {"p95_px": now.p95_px, "goal_px": goal}
+        reasons.append(Finding(code=Code.NOT_CERTAIN, severity=Severity.CARE, figures=figures))
+    return reasons
+
+
+def summary(camera: CubicCamera, fit: FitRecord, pairs: Observations) -> str:
+    """Return whether more photos are needed, and of which parts of the picture, in one line.
+
+    Args:
+        camera: a calibrated camera.
+        fit: its record.
+        pairs: the pairs that it was fitted to.
+
+    """
+    gaps, now = find_coverage_gaps(camera, pairs), fit.uncertainty.field
+    reasons = explain_insufficiency(verdict(fit, camera.image_size, camera.outline()))
+    if not reasons:
+        known = f", and 95 % of it is certain to {now.p95_px:.3f} px" if now else ""
+        return f"enough photos: corners cover {100 * gaps.cells.coverage:.0f} % of the field{known}"
+    if reasons[0].code is Code.NOT_TRUSTED:
+        return f"heed the verdict first: {reasons[0].figures['mend']}"
+    where = "; ".join(part.words for part in gaps.parts[:_PARTS])
+    next_ones = f"show the target next at: {where}" if where else f"more photos: {reasons[0].what}"
+    return f"{next_ones} ('cubicfish advise' says from where)"

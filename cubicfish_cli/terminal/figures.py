@@ -1,0 +1,276 @@
+"""The figures of a fit in words: the same words wherever an RMS is shown.
+
+The table of photos that calibrate, evaluate and detect print.
+
+A terminal shows of many photos the odd ones and those with the largest errors; ``--verbose``,
+pipes and files have them all.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import click
+
+from cubicfish_cli.terminal.parameters import verbosity
+from cubicfish_cli.terminal.terminal import (
+    columns_of,
+    print_always,
+    print_message,
+    print_table,
+    result,
+)
+
+if TYPE_CHECKING:
+    from cubicfish.find.identification.identified import Detection, PhotoReport
+    from cubicfish.judge.finding import Finding, Level
+    from cubicfish.judge.fit_record import DroppedCorner, ErrorStatistics, PhotoRecord
+    from cubicfish.judge.verdict import Verdict
+    from cubicfish.target.observations import Observations
+    from cubicfish_cli.render.pages.report_files import ReportFiles
+    from cubicfish_cli.terminal.progress import How
+
+
+EXIT_GATE = 3
+
+
+def px(value: float | None) -> str:
+    """Pixels to three decimals; a dash for what is not known."""
+    return "-" if value is None or math.isnan(value) else f"{value:.3f}"
+
+
+def print_figure(name: str, value: str, unit: str = "px", meaning: str = "") -> None:
+    """Print what a figure is called, its value and what it means, in columns."""
+    result(f"{name:<24}{value:>7} {unit:<2}  {meaning}".rstrip())
+
+
+def print_errors(errors: ErrorStatistics, more: Sequence[tuple[str, float, str]]) -> None:
+    """Print reprojection errors: the RMS and what it means, other RMS beside it, the spread."""
+    lines = [
+        ("RMS reprojection error", errors.rms_px, "sqrt(mean(dx² + dy²)) over all corners used"),
+        *more,
+    ]
+    for name, value, meaning in lines:
+        print_figure(name, px(value), "" if math.isnan(value) else "px", meaning)
+    print_spread(errors)
+
+
+def print_spread(errors: ErrorStatistics) -> None:
+    """Print the median, what 95 % are within and the largest, a line each."""
+    print_figure("median", px(errors.median_px))
+    print_figure("95 % within", px(errors.p95_px))
+    print_figure("largest", px(errors.max_px))
+
+
+def print_verdict(judged: Verdict) -> None:
+    """Print the verdict in a line, and what else is against the camera in a line each."""
+    result(f"verdict: {judged.line}", mark=(judged.words, judged.level))
+    for reason in judged.reasons[1:]:
+        result(f"  also: {reason.why}; {reason.do}")
+
+
+def print_report(made: ReportFiles, how: How) -> None:
+    """Print the verdict, the page's file, and what is not on the page."""
+    for line in made.absent:
+        print_message(f"left out: {line}")
+    if not how.print(made):
+        print_verdict(made.verdict)
+        result(f"\nwrote {made.page}")
+
+
+def mark_of(finding: Finding) -> str:
+    """How a line about a finding begins."""
+    return "note" if finding.severity.value == "note" else "warning"
+
+
+def enforce_max_rms(rms_px: float, max_rms: float | None) -> None:
+    """Exit with 3 when the RMS is above the gate that the user set."""
+    if max_rms is not None and not rms_px <= max_rms:
+        print_always(f"The RMS of {rms_px:.3f} px is above --max-rms {max_rms:g}.")
+        click.get_current_context().exit(EXIT_GATE)
+
+
+ByBoard = Mapping[str, Mapping[str, int]]
+
+GOOD = "good"
+_MOST_ROWS = 12
+_RANK: Mapping[Level, int] = {"bad": 0, "care": 1, "good": 2}
+# Below so many columns words of judgement are said shorter, and columns are left out.
+_ROOMY, _WIDE, _NARROW, _FEW_BOARDS = 100, 80, 60, 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhotoRow:
+    """What is said of a photo.
+
+    Attributes:
+        name: of the photo.
+        words: a word of judgement.
+        short: the same where there is little room; empty where there is no shorter one.
+        level: how bad that is.
+        boards: corners used of each board in it.
+        corners: corners used; None for a photo that takes no part.
+        dropped: corners left out.
+        errors: reprojection errors, where there are any.
+
+    """
+
+    name: str
+    words: str
+    level: Level
+    short: str = ""
+    boards: Mapping[str, int] = field(default_factory=dict)
+    corners: int | None = None
+    dropped: int = 0
+    errors: ErrorStatistics | PhotoRecord | None = None
+
+    @property
+    def rms_px(self) -> float:
+        """RMS of its errors; NaN where there are none."""
+        return math.nan if self.errors is None else self.errors.rms_px
+
+
+def corners_by_board(corners: Observations) -> dict[str, dict[str, int]]:
+    """How many corners each photo has of each board, in the target's order of the boards."""
+    import numpy as np
+
+    if not corners.boards:
+        return {}
+    counts = np.zeros((len(corners.images), len(corners.boards)), int)
+    np.add.at(counts, (corners.image, corners.board), 1)
+    return {
+        image: {board: n for board, n in zip(corners.boards, row, strict=True) if n}
+        for image, row in zip(corners.images, counts.tolist(), strict=True)
+    }
+
+
+def lost_word(photo: PhotoReport) -> str:
+    """A word for why a photo gave no corners."""
+    from cubicfish.judge.codes import Code
+
+    why = photo.refusal.code if photo.refusal is not None else None
+    if why in (Code.OTHER_SIZE, Code.CANNOT_BE_READ):
+        return "another size" if why is Code.OTHER_SIZE else "cannot be read"
+    return "left out" if why is None else "nothing found"
+
+
+def why_lost(detection: Detection | None) -> dict[str, str]:
+    """Photos that gave nothing, and a word for why."""
+    photos = () if detection is None else detection.photos
+    return {photo.name: lost_word(photo) for photo in photos if photo.lost}
+
+
+def fitted_rows(
+    photos: Sequence[PhotoRecord],
+    dropped: Sequence[DroppedCorner],
+    image_size: tuple[int, int],
+    by_board: ByBoard,
+    lost: Mapping[str, str],
+) -> list[PhotoRow]:
+    """Rows of photos with reprojection errors, and of those that take no part.
+
+    Args:
+        photos: that were placed.
+        dropped: corners that were left out.
+        image_size: (width, height), pixels.
+        by_board: corners used, by photo and board.
+        lost: photos that take no part, and a word for why.
+
+    """
+    from cubicfish.judge.finding import level_of
+    from cubicfish.judge.verdict import photo_verdicts
+    from cubicfish_cli.words.camera import photo_words
+
+    out = Counter(corner.image for corner in dropped)
+    rows = [
+        PhotoRow(
+            name=one.image,
+            words=photo_words(findings),
+            short="; ".join(one.short for one in findings),
+            level=level_of(findings),
+            boards=by_board.get(one.image, {}),
+            corners=one.corners,
+            dropped=out[one.image],
+            errors=one,
+        )
+        for one, findings in zip(photos, photo_verdicts(photos, dropped, image_size), strict=True)
+    ]
+    known = {row.name for row in rows}
+    rows += [
+        PhotoRow(name=name, words=why, level="bad", dropped=out[name])
+        for name, why in lost.items()
+        if name not in known
+    ]
+    return rows
+
+
+def print_photo_table(
+    rows: Sequence[PhotoRow],
+    boards: Sequence[str],
+    *,
+    everything: str = "--json",
+    apart: bool = False,
+) -> None:
+    """Print one row per photo.
+
+    Args:
+        rows: the photos.
+        boards: names of the boards, in the target's order.
+        everything: where all photos are, for who sees a few of them.
+        apart: whether something stands before it; on a terminal something does in any case.
+
+    """
+    room = columns_of(sys.stdout)
+    chosen, width = list(rows), room or _ROOMY
+    if apart or room is not None:
+        result()
+    if room is not None and len(rows) > _MOST_ROWS and verbosity() <= 0:
+        chosen = sorted(rows, key=_rank_badness)[:_MOST_ROWS]
+        result(f"The odd ones and the worst of {len(rows):,} photos:\n")
+    if width < _ROOMY:
+        chosen = [replace(row, words=row.short or row.words) for row in chosen]
+    columns = _choose_columns(rows, boards, width)
+    print_table(
+        list(columns),
+        [[cell(row) for cell in columns.values()] for row in chosen],
+        styles=[row.level for row in chosen],
+    )
+    if len(chosen) < len(rows):
+        result(f"\nand {len(rows) - len(chosen):,} more; all of them: -v, or {everything}")
+
+
+def _rank_badness(row: PhotoRow) -> tuple[int, float]:
+    return _RANK[row.level], 0.0 if math.isnan(row.rms_px) else -row.rms_px
+
+
+def _choose_columns(
+    rows: Sequence[PhotoRow], boards: Sequence[str], width: int
+) -> dict[str, Callable[[PhotoRow], str]]:
+    """The titles of the table's columns that so wide a terminal has, and what their cells say."""
+    columns: dict[str, Callable[[PhotoRow], str]] = {"photo": lambda row: row.name}
+    with_errors = any(math.isfinite(row.rms_px) for row in rows)
+    if width >= _NARROW or not with_errors:
+        columns["corners"] = lambda row: "-" if row.corners is None else str(row.corners)
+    if width >= _ROOMY or (width >= _WIDE and len(boards) <= _FEW_BOARDS):
+        for board in boards:
+            columns[board] = partial(_describe_board, board=board)
+    if width >= _NARROW and any(row.dropped for row in rows):
+        columns["dropped"] = lambda row: str(row.dropped or "-")
+    if with_errors:
+        columns["rms px"] = lambda row: px(row.rms_px)
+        if width >= _ROOMY:
+            columns["median"] = lambda row: "-" if row.errors is None else px(row.errors.median_px)
+            columns["95 %"] = lambda row: "-" if row.errors is None else px(row.errors.p95_px)
+        if width >= _NARROW:
+            columns["largest"] = lambda row: "-" if row.errors is None else px(row.errors.max_px)
+    return {**columns, "verdict": lambda row: row.words}
+
+
+def _describe_board(row: PhotoRow, board: str) -> str:
+    return str(row.boards.get(board, "-"))

@@ -1,0 +1,90 @@
+"""Plurals, lists, shares and lengths in sentences."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable
+from string import Formatter
+from typing import Any
+
+from cubicfish.files.frame_names import film_and_time
+from cubicfish.units import MILLIMETRES
+from cubicfish.wording import listed
+
+_MOST_FILMS = 3
+_IMPERIAL = ("in", "inch", "inches", "ft")
+
+
+def percent(share: float) -> str:
+    """Return a share as a signed percentage of two digits or more: 0.0123 -> ``+1.2 %``."""
+    return f"{100 * share:+.0f} %" if abs(share) >= 0.995 else f"{100 * share:+.2g} %"
+
+
+def plural(number: float, what: str) -> str:
+    """Return ``1 photo``, ``2 photos``, ``1,200 photos``."""
+    return f"{number:,.0f} {what}{'' if number == 1 else 's'}"
+
+
+def counted(photos: Iterable[str]) -> str:
+    """Count photos and frames by their names: ``52 frames of garden and 1 photo``.
+
+    More than three films are counted, not named.
+    """
+    names = [film_and_time(photo) for photo in photos]
+    films = Counter(name[0] for name in names if name is not None)
+    single = len(names) - films.total()
+    parts = []
+    if films:
+        of = ", ".join(films) if len(films) <= _MOST_FILMS else f"{len(films)} films"
+        parts.append(f"{plural(films.total(), 'frame')} of {of}")
+    if single or not films:
+        parts.append(plural(single, "photo"))
+    return " and ".join(parts)
+
+
+def length_words(length: float, units: str) -> str:
+    """Return a length to two digits in a suitable unit, ``40 cm``; others than metric stay.
+
+    Args:
+        length: in ``units``.
+        units: of the length; ``""`` where they are not known.
+
+    """
+    size = 0.0 if units in _IMPERIAL else MILLIMETRES.get(units, 0.0)
+    if length > 0 and size:
+        for name in ("m", "cm", "mm"):
+            own = length * size / MILLIMETRES[name]
+            if own >= (2 if name == "cm" else 1) or name == "mm":
+                return f"{two_digits(own)} {name}"
+    return f"{two_digits(length)} {units}".rstrip()
+
+
+def two_digits(value: float) -> str:
+    """Return a number, 0 or above, to two digits: ``1100``, ``0.41``."""
+    digits = 1 - math.floor(math.log10(value)) if value > 0 else 0
+    return f"{round(value, digits):.{max(0, digits)}f}"
+
+
+class Sentences(Formatter):
+    """Templates of ``str.format`` with a few more ways to write a value.
+
+    ``{n:#photo}`` is a count with its noun, ``{names:&photos}`` a list, ``{n:?it|them}`` the first
+    of two words where the value is 1 or true (or a list of one), ``{share:%}`` whole percents and
+    ``{share:+%}`` a signed percentage.
+    """
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        """Format one value of a template."""
+        kind, rest = format_spec[:1], format_spec[1:]
+        if kind == "?":
+            one, other = rest.split("|", 1)
+            number = len(value) if isinstance(value, tuple | list) else value
+            return one if number == 1 else other
+        if kind == "#":
+            return plural(value, rest)
+        if kind == "&":
+            return listed(value, rest)
+        if format_spec == "%":
+            return f"{100 * value:.0f} %"
+        if format_spec == "+%":
+            return percent(value)
+        return str(format(value, format_spec))
