@@ -34,21 +34,21 @@ import numpy as np
 from synthetic_films import Film, FilmOptions, hand_path
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
+from cubicfish.comparison import aligned_difference
 from cubicfish.errors import CubicfishError
 from cubicfish.files.frame_names import frame_name
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.calibration import Calibration
 from cubicfish.io.corners_csv import load_corners, save_corners
 from cubicfish.models.sphere import cone_rays
+from cubicfish.observe.detection import first_pass
+from cubicfish.photos.photos import Photo, find_photos
 from cubicfish.solve.subset import select_photos
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target, load_target
-from cubicfish_cli.comparison import aligned_difference
-from cubicfish_cli.detection.detection import first_pass
+from cubicfish.workers.pool import Work
 from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.films.source import decode, opened
-from cubicfish_cli.photos.executors.pool import Work
-from cubicfish_cli.photos.photos import Photo, find_photos
 
 SAMPLE = Path(__file__).resolve().parents[1] / "sample_data" / "target.yaml"
 TARGETS = {

@@ -23,9 +23,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 import numpy as np
 import synthetic
 
+from cubicfish.diagnosis.diagnose import find_faults
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.solve.subset import select
-from cubicfish_cli.diagnosis.diagnose import find_faults
 
 CORNERS = 300
 

@@ -39,9 +39,9 @@ from synthetic_lenses import SYNTHETIC_LENSES, SyntheticLens, synthetic_lens
 from cubicfish.errors import CubicfishError
 from cubicfish.find.detection.finder import find_grids
 from cubicfish.find.detection.markers import find_marked_corners
+from cubicfish.observe.detection import detect
 from cubicfish.target.boards.markers import Markers
 from cubicfish.target.target import Target
-from cubicfish_cli.detection.detection import detect
 from cubicfish_cli.extensions.simulation.simulate import RayGrid, render, room_background
 from cubicfish_cli.viewpoints.truth import Pose, TrueCorners, project_corners
 

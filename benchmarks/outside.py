@@ -32,11 +32,11 @@ from simulated import CornerErrors, simulated_corners
 from synthetic import TRUE_LENS
 from synthetic_lenses import SYNTHETIC_LENSES, synthetic_lens
 
+from cubicfish.comparison import aligned_difference
 from cubicfish.errors import CubicfishError
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.models.sphere import cone_rays
 from cubicfish.target.target import Target
-from cubicfish_cli.comparison import aligned_difference
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses
 
 SIZE = TRUE_LENS.image_size

@@ -28,6 +28,7 @@ import numpy as np
 import numpy.typing as npt
 from lens_models import compare_models
 
+from cubicfish.calibration import calibrate
 from cubicfish.errors import FitError
 from cubicfish.fit.calibration import Calibration
 from cubicfish.fit.folds import FOLDS
@@ -40,9 +41,8 @@ from cubicfish.solve.statistics import huber_px, rms_px
 from cubicfish.solve.subset import select_photos
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target, load_target
-from cubicfish_cli.commands.calibration import calibrate
+from cubicfish.workers.pool import Work
 from cubicfish_cli.extensions.formats.lenses import UnifiedLens
-from cubicfish_cli.photos.executors.pool import Work
 
 FloatArray = npt.NDArray[np.float64]
 HERE = Path(__file__).parent
@@ -53,8 +53,8 @@ def corners_of(data: Path, corners: Path | None, target: Target) -> Observations
     """The pairs, from a file or from the photos."""
     if corners is not None:
         return load_corners(corners, target)
-    from cubicfish_cli.detection.detection import first_pass
-    from cubicfish_cli.photos.photos import find_photos
+    from cubicfish.observe.detection import first_pass
+    from cubicfish.photos.photos import find_photos
 
     return first_pass(find_photos([data / "images"]), [target], Work()).corners.with_target(target)
 

@@ -28,9 +28,9 @@ import numpy as np  # noqa: E402
 
 from cubicfish.io.camera_yaml import load_camera  # noqa: E402
 from cubicfish.models.cubic import CubicCamera  # noqa: E402
+from cubicfish.run import Run  # noqa: E402
 from cubicfish.views.maps import UndistortMap, build_map, camera_for_photos  # noqa: E402
 from cubicfish.views.view import PROJECTIONS, CentralView  # noqa: E402
-from cubicfish_cli.run import Run  # noqa: E402
 from cubicfish_cli.undistortion.batch import Job, write_many, write_one  # noqa: E402
 from cubicfish_cli.undistortion.images import remap_picture  # noqa: E402
 
@@ -243,7 +243,7 @@ def measure_memory(model: Path, folder: Path) -> None:
 def measure_video(camera: CubicCamera, folder: Path) -> None:
     import av
 
-    from cubicfish_cli.listener import SILENT
+    from cubicfish.listener import SILENT
     from cubicfish_cli.undistortion.video import DEFAULT_CRF, VideoViews
 
     size = (1920, 1080)

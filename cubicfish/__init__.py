@@ -2,8 +2,9 @@
 
 In a program::
 
-    from cubicfish import Target
-    from cubicfish_cli import calibrate, detect, undistort
+    from cubicfish import Target, calibrate
+    from cubicfish import observe as detect
+    from cubicfish_cli import undistort
 
     target = Target.load("target.yaml")
     calibration = calibrate(detect("photos/", target), target)
@@ -33,12 +34,23 @@ _PLACES = {
     "cubicfish.io.corners_csv": ("load_corners", "save_corners"),
     "cubicfish.errors": ("CubicfishError",),
     "cubicfish.fit.calibrate": ("Calibration",),
+    "cubicfish.comparison": ("Comparison", "compare"),
     "cubicfish.fit.evaluate": ("Evaluation",),
     "cubicfish.judge.verdict": ("Verdict",),
     "cubicfish.io.camera_yaml": ("CameraFile", "load_any_camera", "load_camera"),
+    "cubicfish.run": ("Run",),
+    "cubicfish.listener": ("Event", "Listener"),
     "cubicfish.judge.finding": ("Finding",),
+    "cubicfish.calibration": ("calibrate", "evaluate", "save_camera", "save_target"),
+    "cubicfish.observe.detection": ("detect",),
+    "cubicfish.rigs.calibrate": ("calibrate_rig",),
+    "cubicfish.rigs.compare": ("compare_rigs",),
+    "cubicfish.rigs.evaluate": ("evaluate_rig",),
+    "cubicfish.rigs.rig": ("Rig", "load_rig", "save_rig"),
+    "cubicfish.rigs.stereo": ("RectifiedPair", "rectify"),
     "cubicfish.models.cubic": ("CubicCamera",),
     "cubicfish.find.identification.identified": ("Detection",),
+    "cubicfish.photos.photos": ("read_picture",),
     "cubicfish.target.target": ("Target",),
     "cubicfish.views.plane": ("build_plane",),
     "cubicfish.views.maps": ("UndistortMap", "build_map"),

@@ -1,5 +1,11 @@
 """The public names, for type checkers."""
 
+from cubicfish.calibration import calibrate as calibrate
+from cubicfish.calibration import evaluate as evaluate
+from cubicfish.calibration import save_camera as save_camera
+from cubicfish.calibration import save_target as save_target
+from cubicfish.comparison import Comparison as Comparison
+from cubicfish.comparison import compare as compare
 from cubicfish.errors import CubicfishError as CubicfishError
 from cubicfish.find.identification.identified import Detection as Detection
 from cubicfish.fit.calibrate import Calibration as Calibration
@@ -11,7 +17,20 @@ from cubicfish.io.corners_csv import load_corners as load_corners
 from cubicfish.io.corners_csv import save_corners as save_corners
 from cubicfish.judge.finding import Finding as Finding
 from cubicfish.judge.verdict import Verdict as Verdict
+from cubicfish.listener import Event as Event
+from cubicfish.listener import Listener as Listener
 from cubicfish.models.cubic import CubicCamera as CubicCamera
+from cubicfish.observe.detection import detect as detect
+from cubicfish.photos.photos import read_picture as read_picture
+from cubicfish.rigs.calibrate import calibrate_rig as calibrate_rig
+from cubicfish.rigs.compare import compare_rigs as compare_rigs
+from cubicfish.rigs.evaluate import evaluate_rig as evaluate_rig
+from cubicfish.rigs.rig import Rig as Rig
+from cubicfish.rigs.rig import load_rig as load_rig
+from cubicfish.rigs.rig import save_rig as save_rig
+from cubicfish.rigs.stereo import RectifiedPair as RectifiedPair
+from cubicfish.rigs.stereo import rectify as rectify
+from cubicfish.run import Run as Run
 from cubicfish.target.observations import Observations as Observations
 from cubicfish.target.target import Target as Target
 from cubicfish.views.maps import UndistortMap as UndistortMap

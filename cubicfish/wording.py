@@ -74,3 +74,8 @@ def _shorten(value: object) -> str:
         plain = len(value) <= _FEW and all(isinstance(one, str | int | float) for one in value)
         return repr(value) if plain else str(len(value))
     return type(value).__name__ if is_dataclass(value) else repr(value)
+
+
+def plural(number: float, what: str) -> str:
+    """Return ``1 photo``, ``2 photos``, ``1,200 photos``."""
+    return f"{number:,.0f} {what}{'' if number == 1 else 's'}"

@@ -1,5 +1,11 @@
 """The public names, for type checkers: each is loaded when it is first used."""
 
+from cubicfish.calibration import calibrate as calibrate
+from cubicfish.calibration import evaluate as evaluate
+from cubicfish.calibration import save_camera as save_camera
+from cubicfish.calibration import save_target as save_target
+from cubicfish.comparison import Comparison as Comparison
+from cubicfish.comparison import compare as compare
 from cubicfish.errors import CubicfishError as CubicfishError
 from cubicfish.find.identification.identified import Detection as Detection
 from cubicfish.fit.calibrate import Calibration as Calibration
@@ -11,7 +17,20 @@ from cubicfish.io.corners_csv import load_corners as load_corners
 from cubicfish.io.corners_csv import save_corners as save_corners
 from cubicfish.judge.finding import Finding as Finding
 from cubicfish.judge.verdict import Verdict as Verdict
+from cubicfish.listener import Event as Event
+from cubicfish.listener import Listener as Listener
 from cubicfish.models.cubic import CubicCamera as CubicCamera
+from cubicfish.observe.detection import detect as detect
+from cubicfish.photos.photos import read_picture as read_picture
+from cubicfish.rigs.calibrate import calibrate_rig as calibrate_rig
+from cubicfish.rigs.compare import compare_rigs as compare_rigs
+from cubicfish.rigs.evaluate import evaluate_rig as evaluate_rig
+from cubicfish.rigs.rig import Rig as Rig
+from cubicfish.rigs.rig import load_rig as load_rig
+from cubicfish.rigs.rig import save_rig as save_rig
+from cubicfish.rigs.stereo import RectifiedPair as RectifiedPair
+from cubicfish.rigs.stereo import rectify as rectify
+from cubicfish.run import Run as Run
 from cubicfish.target.observations import Observations as Observations
 from cubicfish.target.target import Target as Target
 from cubicfish.views.maps import UndistortMap as UndistortMap
@@ -20,10 +39,6 @@ from cubicfish.views.plane import build_plane as build_plane
 from cubicfish.views.view import View as View
 from cubicfish_cli.commands.calibrate import CalibrateOptions as CalibrateOptions
 from cubicfish_cli.commands.calibrate import calibrate_files as calibrate_files
-from cubicfish_cli.commands.calibration import calibrate as calibrate
-from cubicfish_cli.commands.calibration import evaluate as evaluate
-from cubicfish_cli.commands.calibration import save_camera as save_camera
-from cubicfish_cli.commands.calibration import save_target as save_target
 from cubicfish_cli.commands.compare import CompareOptions as CompareOptions
 from cubicfish_cli.commands.compare import compare_files as compare_files
 from cubicfish_cli.commands.detect import DetectOptions as DetectOptions
@@ -42,9 +57,6 @@ from cubicfish_cli.commands.target import check_target as check_target
 from cubicfish_cli.commands.target import check_target_files as check_target_files
 from cubicfish_cli.commands.undistort import UndistortOptions as UndistortOptions
 from cubicfish_cli.commands.undistort import undistort_files as undistort_files
-from cubicfish_cli.comparison import Comparison as Comparison
-from cubicfish_cli.comparison import compare as compare
-from cubicfish_cli.detection.detection import detect as detect
 from cubicfish_cli.extensions.advice.command import AdviseOptions as AdviseOptions
 from cubicfish_cli.extensions.advice.command import advise_files as advise_files
 from cubicfish_cli.extensions.films.command import ChosenFrames as ChosenFrames
@@ -67,9 +79,6 @@ from cubicfish_cli.extensions.rigs.evaluate import RigEvaluateOptions as RigEval
 from cubicfish_cli.extensions.rigs.evaluate import evaluate_rig_files as evaluate_rig_files
 from cubicfish_cli.extensions.rigs.export import RigExportOptions as RigExportOptions
 from cubicfish_cli.extensions.rigs.export import export_rig_files as export_rig_files
-from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig as calibrate_rig
-from cubicfish_cli.extensions.rigs.fit.compare import compare_rigs as compare_rigs
-from cubicfish_cli.extensions.rigs.fit.evaluate import evaluate_rig as evaluate_rig
 from cubicfish_cli.extensions.rigs.info import RigInfoOptions as RigInfoOptions
 from cubicfish_cli.extensions.rigs.info import info_rig_files as info_rig_files
 from cubicfish_cli.extensions.rigs.map import RigMapOptions as RigMapOptions
@@ -77,20 +86,11 @@ from cubicfish_cli.extensions.rigs.map import map_rig_files as map_rig_files
 from cubicfish_cli.extensions.rigs.mosaic import stitch as stitch
 from cubicfish_cli.extensions.rigs.report import RigReportOptions as RigReportOptions
 from cubicfish_cli.extensions.rigs.report import report_rig_files as report_rig_files
-from cubicfish_cli.extensions.rigs.rig import Rig as Rig
-from cubicfish_cli.extensions.rigs.rig import load_rig as load_rig
-from cubicfish_cli.extensions.rigs.rig import save_rig as save_rig
-from cubicfish_cli.extensions.rigs.stereo import RectifiedPair as RectifiedPair
-from cubicfish_cli.extensions.rigs.stereo import rectify as rectify
 from cubicfish_cli.extensions.rigs.undistort import RigUndistortOptions as RigUndistortOptions
 from cubicfish_cli.extensions.rigs.undistort import undistort_rig_files as undistort_rig_files
 from cubicfish_cli.extensions.simulation.command import LookOptions as LookOptions
 from cubicfish_cli.extensions.simulation.command import SimulateOptions as SimulateOptions
 from cubicfish_cli.extensions.simulation.command import simulate_files as simulate_files
-from cubicfish_cli.listener import Event as Event
-from cubicfish_cli.listener import Listener as Listener
-from cubicfish_cli.photos.photos import read_picture as read_picture
-from cubicfish_cli.run import Run as Run
 from cubicfish_cli.undistortion.choose import build_view as build_view
 from cubicfish_cli.undistortion.images import undistort as undistort
 from cubicfish_cli.undistortion.map_formats import save_map as save_map

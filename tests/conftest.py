@@ -76,7 +76,7 @@ def nothing_from_outside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[N
     What writes pages takes its time, and says so. Other processes are started for photos only
     where a test asks for them, or starts the program itself: each loads OpenCV and SciPy first.
     """
-    from cubicfish_cli.photos.executors import pool
+    from cubicfish.workers import pool
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pool, "_ITEMS_FOR_POOL", 1000)

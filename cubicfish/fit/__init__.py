@@ -19,7 +19,7 @@ contribution of the corners (`NormalEquations`): they add up, and the contributi
 subtracted again where the photo is left out. `Adjustment` is generic in its lens, a `FitLens`
 (`fit_lens.py`); its method `again` continues it. `RadialReference` and `CameraFit` are adjustments
 with more attributes. Only the extension of rigs knows lenses that carry several cameras
-(`extensions/rigs/fit/rig_lens.py`).
+(`rigs/rig_lens.py`).
 
 The target may be fitted in the same adjustment (`deformable_target.py`; the nominal target is one
 without free parameters): boards' shapes and places are shared unknowns like the lens, and corners'
@@ -27,7 +27,7 @@ own offsets are a second family of small blocks beside the poses; `normal_equati
 the larger family. `refinement.py` fits each level, and `model_selection.py` takes the richest by
 which held-out photos gain. Before corners are fitted one by one, `orientation.py` finds which way
 round photos show a target that looks the same after a turn (`target/placement.py`), and
-`extensions/rigs/fit/names.py` makes a rig's cameras agree. `uncertainty.py` propagates the corners'
+`rigs/names.py` makes a rig's cameras agree. `uncertainty.py` propagates the corners'
 noise through the normal equations to pixels, `photo_spread.py` adds the effect of errors that the
 corners of a photo share, `coverage.py` says where corners are, and `departures` how far a
 fitted target departs from the nominal one.

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish import __version__
 from cubicfish.errors import CameraFileError, CorrespondenceError
 from cubicfish.files.plain_yaml import plain_yaml_text
 from cubicfish.files.whole_files import write_files
@@ -34,7 +35,6 @@ from cubicfish.judge.uncertainty import UncertaintyGrid
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.lift import SIZE
 from cubicfish.types import FloatArray
-from cubicfish_cli import __version__
 
 if TYPE_CHECKING:
     from cubicfish.models.point import PointCamera

@@ -15,14 +15,15 @@ import click
 
 from cubicfish.errors import OutputError, UsageError
 from cubicfish.files.whole_files import Content, StrPath, refuse_existing, write_files
+from cubicfish.listener import Event
+from cubicfish.run import RUN, Run, made_at, made_by_record
+from cubicfish.wording import plural
 from cubicfish_cli.extension_table import Output, extensions
 from cubicfish_cli.films import MOST
 from cubicfish_cli.inputs.paths import check_inputs, path_or_none, paths_of, tables_among
 from cubicfish_cli.inputs.target_source import TargetSource
-from cubicfish_cli.listener import Event
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.render.pages import PAGE
-from cubicfish_cli.run import RUN, Run, made_at, made_by_record
 from cubicfish_cli.terminal import figures, parameters
 from cubicfish_cli.terminal.parameters import (
     DEFAULT_MODEL,
@@ -40,7 +41,7 @@ from cubicfish_cli.terminal.terminal import (
     print_wrote,
     result,
 )
-from cubicfish_cli.words.phrases import counted, plural
+from cubicfish_cli.words.phrases import counted
 
 if TYPE_CHECKING:
     from cubicfish.fit.calibration import Calibration
@@ -208,8 +209,8 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
         raise UsageError("--most goes with photos and films, not with CSV files")
     made_at()  # an unusable date is an error before the work, not after
     from cubicfish.fit.calibration import Calibration
+    from cubicfish.sufficiency.sufficiency import summary
     from cubicfish_cli.observe import load_inputs, recorded_as
-    from cubicfish_cli.sufficiency.sufficiency import summary
 
     read = [path for path in (*paths, source.path, pairs) if path is not None]
     more = {kind: made for one in extensions() for kind, made in one.outputs.items()}
@@ -252,7 +253,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
         run.listener.progress("Fitting")
         fitted, how = calibrate_points(loaded.pairs, **how), {"lift": options.lift}
     else:
-        from cubicfish_cli.commands.calibration import calibrate
+        from cubicfish.calibration import calibrate
 
         how["refine_target"] = options.refine_target or "auto"
         fitted = calibrate(loaded.given, **how, listener=run.listener)
@@ -322,8 +323,8 @@ def _make_contents(
 
 
 def _make_map(camera: CubicCamera) -> Content | None:
+    from cubicfish.photos.photos import MAX_PIXELS
     from cubicfish.views.maps import build_map
-    from cubicfish_cli.photos.photos import MAX_PIXELS
     from cubicfish_cli.undistortion.choose import build_view
     from cubicfish_cli.undistortion.map_formats import MapInBands, write_npz
 

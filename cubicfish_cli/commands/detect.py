@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish.files.whole_files import StrPath
+from cubicfish.run import RUN, Run
+from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import named_photos, paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal import figures, parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record, target_options
 from cubicfish_cli.terminal.progress import How, report_found
 from cubicfish_cli.terminal.terminal import print_message, result
-from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish.find.identification.identified import Detection
@@ -100,8 +100,8 @@ def detect_files(options: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
     source.check()
     from cubicfish.files.whole_files import refuse_existing
     from cubicfish.io.corners_csv import save_corners
-    from cubicfish_cli.detection.detection import drawings, find_corners
-    from cubicfish_cli.photos.photos import read_grey
+    from cubicfish.observe.detection import drawings, find_corners
+    from cubicfish.photos.photos import read_grey
     from cubicfish_cli.render.overlay import draw_found
     from cubicfish_cli.undistortion.images import write_picture
 

@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish.files.whole_files import StrPath
+from cubicfish.run import RUN, Run
+from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import check_inputs, in_folder, paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal import figures, parameters
 from cubicfish_cli.terminal.parameters import as_command, record, target_options
 from cubicfish_cli.terminal.progress import How, report_found, report_left_out
 from cubicfish_cli.terminal.terminal import print_message, result
-from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish.fit.evaluate import Evaluation

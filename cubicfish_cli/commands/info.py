@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish.files.whole_files import StrPath
+from cubicfish.run import RUN, Run
+from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import in_folder
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import print_verdict, px
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import result
-from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish.io.camera_yaml import CameraRecord

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
+from cubicfish.run import RUN, Run
 from cubicfish_cli.commands.view_options import report_unseen, view_options
 from cubicfish_cli.inputs.paths import in_folder
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record
 from cubicfish_cli.terminal.progress import How

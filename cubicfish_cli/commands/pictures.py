@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish.errors import CubicfishError, OutputError, UsageError, ViewError
 from cubicfish.files.whole_files import Content, refuse_existing, refuse_outside, write_files
+from cubicfish.listener import SILENT
+from cubicfish.photos.photos import SUFFIXES, VIDEO_SUFFIXES, shown
+from cubicfish.run import Run
+from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import path_or_none
-from cubicfish_cli.listener import SILENT
-from cubicfish_cli.photos.photos import SUFFIXES, VIDEO_SUFFIXES, shown
-from cubicfish_cli.run import Run
 from cubicfish_cli.undistortion.batch import Job, Views, write_many
 from cubicfish_cli.undistortion.choose import ChosenView
 from cubicfish_cli.undistortion.images import check_suffix, part_name
-from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish_cli.commands.undistort import PictureOptions

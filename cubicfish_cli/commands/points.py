@@ -16,9 +16,9 @@ import click
 from cubicfish.errors import CorrespondenceError, UsageError
 from cubicfish.files.reading import read_bytes
 from cubicfish.files.whole_files import StrPath
+from cubicfish.run import RUN, Run
 from cubicfish.wording import quoted
 from cubicfish_cli.inputs.paths import in_folder
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How

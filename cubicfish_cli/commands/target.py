@@ -11,10 +11,11 @@ import click
 
 from cubicfish.errors import OutputError, UsageError
 from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
+from cubicfish.run import RUN, Run
+from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.render import drawing as extra
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.main import LazyGroup
 from cubicfish_cli.terminal.parameters import (
@@ -26,12 +27,11 @@ from cubicfish_cli.terminal.parameters import (
 )
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_table, result
-from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
+    from cubicfish.diagnosis.object_check import ObjectFacts, Turn
     from cubicfish.target.boards.board import Board
     from cubicfish.target.target import Target
-    from cubicfish_cli.diagnosis.object_check import ObjectFacts, Turn
 
 _LABEL = 12
 # More examples than this are not read.
@@ -98,7 +98,7 @@ def check_target(target: Target) -> TargetCheck:
         target: the target, as it is printed.
 
     """
-    from cubicfish_cli.diagnosis.object_check import check_object
+    from cubicfish.diagnosis.object_check import check_object
 
     facts = check_object(target)
     return TargetCheck(target=target, facts=facts, advice=_advise(target, facts))

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish.errors import UsageError, ViewError
 from cubicfish.files.whole_files import StrPath
+from cubicfish.run import RUN, Run, made_by_record
 from cubicfish_cli.inputs.paths import in_folder
-from cubicfish_cli.run import RUN, Run, made_by_record
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, Parsed, as_command, option, record
 from cubicfish_cli.terminal.progress import How
@@ -185,9 +185,9 @@ def transform_files(options: TransformOptions, *, run: Run = RUN) -> Transformed
         CubicfishError: the camera cannot be read, or its file exists and may not be replaced.
 
     """
+    from cubicfish.files.fingerprint import fingerprint
     from cubicfish.files.whole_files import refuse_existing
     from cubicfish.io.camera_yaml import load_camera
-    from cubicfish_cli.fingerprint import fingerprint
 
     path, goal = in_folder(Path(options.camera)), Path(options.output)
     refuse_existing(goal, overwrite=run.overwrite)

@@ -12,13 +12,14 @@ import click
 
 from cubicfish.errors import OutputError, PhotoError, UsageError
 from cubicfish.files.whole_files import StrPath
+from cubicfish.run import RUN, Run
+from cubicfish.wording import plural
 from cubicfish_cli.commands.view_options import (
     report_unseen,
     view_options,
     view_or_plane_options,
 )
 from cubicfish_cli.inputs.paths import in_folder, named_photos, paths_of
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record
 from cubicfish_cli.terminal.progress import How
@@ -29,7 +30,6 @@ from cubicfish_cli.undistortion.options import (
     PlaneOptions,
     ViewOptions,
 )
-from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish.io.camera_yaml import Calibrated
@@ -209,7 +209,7 @@ def _find_sources(names: Sequence[str], run: Run) -> tuple[str, list[tuple[str, 
         OutputError: two videos have one name.
 
     """
-    from cubicfish_cli.photos.photos import VIDEO_SUFFIXES, expanded
+    from cubicfish.photos.photos import VIDEO_SUFFIXES, expanded
 
     paths = [path for name in names for path in expanded(name)]
     videos = [one for one in paths if one.suffix.lower() in VIDEO_SUFFIXES and not one.is_dir()]

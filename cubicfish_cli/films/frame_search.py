@@ -16,6 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+from cubicfish.diagnosis.corner_count import squares_of_grids
+from cubicfish.diagnosis.evidence import GridEvidence
 from cubicfish.errors import DetectionError, FitError
 from cubicfish.find.detection.grids import FoundGrids
 from cubicfish.find.identification.quick_detect import (
@@ -26,21 +28,19 @@ from cubicfish.find.identification.quick_detect import (
 )
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
+from cubicfish.listener import Event
+from cubicfish.observe.detection import first_pass
+from cubicfish.observe.photo_detection import GridCache, detect_in_photo
+from cubicfish.photos.photos import Photo
+from cubicfish.run import Run
+from cubicfish.sufficiency.information_gain import InformationGain
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
 from cubicfish.types import FloatArray
-from cubicfish_cli.detection.detection import first_pass
-from cubicfish_cli.detection.photo_detection import GridCache, detect_in_photo
-from cubicfish_cli.diagnosis.corner_count import squares_of_grids
-from cubicfish_cli.diagnosis.evidence import GridEvidence
+from cubicfish.workers.pool import Work
 from cubicfish_cli.films.choose import FEWEST, Choice, Patch, Seen, choose
 from cubicfish_cli.films.measure import sharpness
 from cubicfish_cli.films.scan import still_px
-from cubicfish_cli.listener import Event
-from cubicfish_cli.photos.executors.pool import Work
-from cubicfish_cli.photos.photos import Photo
-from cubicfish_cli.run import Run
-from cubicfish_cli.sufficiency.information_gain import InformationGain
 
 # Where fewer of the pictures show the target, they do not tell which pictures are good.
 _FEW, _FEW_SHARE = 3, 0.5

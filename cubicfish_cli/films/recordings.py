@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish.errors import MISSING, OutputError, PhotoError
+from cubicfish.photos.photos import MAX_PIXELS, shown
 from cubicfish_cli.inputs.paths import file_and_topic
-from cubicfish_cli.photos.photos import MAX_PIXELS, shown
 
 Picture = npt.NDArray[Any]
 

@@ -18,10 +18,10 @@ import numpy as np
 
 from cubicfish.errors import PhotoError
 from cubicfish.files.whole_files import whole_file
+from cubicfish.listener import Event, Listener
+from cubicfish.photos.photos import Picture, read_picture, shown
 from cubicfish_cli.films.measure import Grey, motion, sharpness, small_picture
 from cubicfish_cli.films.source import Film, frames, missing_frames, opened
-from cubicfish_cli.listener import Event, Listener
-from cubicfish_cli.photos.photos import Picture, read_picture, shown
 
 # One frame of so many is kept; where frames come more slowly than the film says, one of those
 # within so many times the time that they should take.

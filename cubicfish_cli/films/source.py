@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish.errors import MISSING, OutputError, PhotoError
+from cubicfish.photos.photos import MAX_PIXELS, shown
 from cubicfish_cli.films.recordings import Recording, label_of
 from cubicfish_cli.inputs.paths import is_recording
-from cubicfish_cli.photos.photos import MAX_PIXELS, shown
 
 # Playlists and other formats that would read more than the file itself are not opened.
 _ONLY = {

@@ -16,13 +16,13 @@ from cubicfish.errors import (
     UsageError,
 )
 from cubicfish.files.whole_files import StrPath
+from cubicfish.listener import Listener
 from cubicfish.wording import quoted
-from cubicfish_cli.listener import Listener
 
 if TYPE_CHECKING:
+    from cubicfish.photos.photos import Photo
+    from cubicfish.run import Run
     from cubicfish_cli.inputs.target_source import TargetSource
-    from cubicfish_cli.photos.photos import Photo
-    from cubicfish_cli.run import Run
 
 RECORDING_SUFFIXES = (".bag", ".mcap", ".db3")
 _WITH_TOPIC = re.compile(r"(?P<file>.+?):(?P<topic>/.*)")
@@ -152,8 +152,8 @@ def named_photos(inputs: Sequence[StrPath], listener: Listener) -> list[Photo]:
         PhotoError: there are none, or one cannot be used.
 
     """
-    from cubicfish_cli.listener import Event
-    from cubicfish_cli.photos.photos import find_photos
+    from cubicfish.listener import Event
+    from cubicfish.photos.photos import find_photos
 
     lines: list[str] = []
     photos = find_photos(inputs, lines)

@@ -18,13 +18,13 @@ from cubicfish.errors import (
     UsageError,
 )
 from cubicfish.files.whole_files import StrPath
+from cubicfish.listener import SILENT, Listener
 from cubicfish.units import MILLIMETRES
 from cubicfish.wording import quoted
-from cubicfish_cli.listener import SILENT, Listener
 
 if TYPE_CHECKING:
+    from cubicfish.files.fingerprint import Fingerprint
     from cubicfish.target.target import Target
-    from cubicfish_cli.fingerprint import Fingerprint
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +95,7 @@ class TargetSource:
 
         self.check()
         if self.by_default:
-            from cubicfish_cli.listener import Event
+            from cubicfish.listener import Event
 
             listener.tell(Event.TARGET, path=self.path)
         if self.given is not None:
@@ -112,7 +112,7 @@ class TargetSource:
 
     def fingerprint(self) -> Fingerprint | None:
         """The file's, before it is read; None where there is none."""
-        from cubicfish_cli.fingerprint import fingerprint
+        from cubicfish.files.fingerprint import fingerprint
 
         return None if self.path is None else fingerprint(self.path)
 

@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from cubicfish.find.identification.identified import CODES, Decided, PhotoReport
 from cubicfish.judge.finding import Finding
+from cubicfish.photos.photos import Picture
 from cubicfish.target.observations import Observations
 from cubicfish.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.photos.photos import Picture
 
 ColourPicture = npt.NDArray[np.uint8]
 Colour = tuple[int, int, int]  # blue, green, red

@@ -369,7 +369,7 @@ def is_given(parameter: str) -> bool:
 
 def command_line() -> str:
     """The command that is being run, without what is by default and what changes no camera."""
-    from cubicfish_cli.run import as_text
+    from cubicfish.run import as_text
 
     context = click.get_current_context()
     words = context.command_path.split()

@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish.errors import UsageError
-from cubicfish_cli.listener import Listener
-from cubicfish_cli.run import Run
+from cubicfish.listener import Listener
+from cubicfish.run import Run
+from cubicfish.wording import plural
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import (
     CAMERA_KEY,
@@ -37,12 +38,11 @@ from cubicfish_cli.terminal.terminal import (
     print_message,
     safe,
 )
-from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish.judge.finding import Finding
-    from cubicfish_cli.listener import Event
-    from cubicfish_cli.photos.executors.pool import Executor
+    from cubicfish.listener import Event
+    from cubicfish.workers.pool import Executor
 
 
 # What is done sooner shows no line: it would only flash.
@@ -176,7 +176,7 @@ class _Cluster:
 
     def each(self, work: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[tuple[int, Any]]:
         if self._there is None:
-            from cubicfish_cli.photos.executors.cluster import connect
+            from cubicfish.workers.cluster import connect
 
             self._listener.interrupt()
             self._there = there = self._stack.enter_context(connect(self._address))

@@ -57,7 +57,7 @@ def prepare_process() -> None:
     for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(threads, "1")
     # A small file that claims a huge picture is refused by OpenCV, which takes its limit when it is
-    # loaded: the one of cubicfish_cli.photos.photos.
+    # loaded: the one of cubicfish.photos.photos.
     os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "200000000")
     from cubicfish_cli.terminal.terminal import open_closed_streams
 

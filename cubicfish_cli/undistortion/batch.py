@@ -16,9 +16,7 @@ from typing import TYPE_CHECKING, Any
 from cubicfish.errors import ClusterError, CubicfishError
 from cubicfish.files.whole_files import remove_orphans, write_files
 from cubicfish.models.cubic import CubicCamera
-from cubicfish.views.maps import UndistortMap, camera_for_photos
-from cubicfish.views.view import View
-from cubicfish_cli.photos.photos import (
+from cubicfish.photos.photos import (
     Picture,
     decode_picture,
     one_opencv_thread,
@@ -26,7 +24,9 @@ from cubicfish_cli.photos.photos import (
     read_file,
     shown,
 )
-from cubicfish_cli.run import Run
+from cubicfish.run import Run
+from cubicfish.views.maps import UndistortMap, camera_for_photos
+from cubicfish.views.view import View
 from cubicfish_cli.undistortion.choose import ChosenView, chosen_view
 from cubicfish_cli.undistortion.images import (
     encode_picture,
@@ -37,7 +37,7 @@ from cubicfish_cli.undistortion.images import (
 from cubicfish_cli.undistortion.options import ViewOptions
 
 if TYPE_CHECKING:
-    from cubicfish_cli.photos.executors.pool import Executor
+    from cubicfish.workers.pool import Executor
 
 Size = tuple[int, int]
 """(width, height), pixels."""

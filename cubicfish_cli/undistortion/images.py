@@ -19,16 +19,16 @@ import numpy.typing as npt
 from cubicfish.errors import CubicfishError, OutputError, ViewError
 from cubicfish.files.whole_files import write_files
 from cubicfish.models.cubic import CubicCamera
-from cubicfish.views.maps import OUTSIDE, UndistortMap, build_map, camera_for_photos
-from cubicfish.views.view import PointProjector, View
-from cubicfish.wording import did_you_mean, quoted
-from cubicfish_cli.photos.photos import (
+from cubicfish.photos.photos import (
     Picture,
     jpeg_segments,
     quiet_stderr,
     refuse_no_picture,
     shown,
 )
+from cubicfish.views.maps import OUTSIDE, UndistortMap, build_map, camera_for_photos
+from cubicfish.views.view import PointProjector, View
+from cubicfish.wording import did_you_mean, quoted
 from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.options import INTERPOLATIONS, Interpolation
 

@@ -21,7 +21,9 @@ import numpy.typing as npt
 
 from cubicfish.errors import CubicfishError, OutputError, PhotoError, ViewError
 from cubicfish.files.whole_files import whole_file
+from cubicfish.listener import Count, Event, Listener
 from cubicfish.models.cubic import CubicCamera
+from cubicfish.photos.photos import shown
 from cubicfish.views.maps import OUTSIDE, UndistortMap
 from cubicfish.views.view import View
 from cubicfish_cli.films.source import (
@@ -32,8 +34,6 @@ from cubicfish_cli.films.source import (
     missing_frames,
     opened,
 )
-from cubicfish_cli.listener import Count, Event, Listener
-from cubicfish_cli.photos.photos import shown
 from cubicfish_cli.undistortion.batch import Job, Size, Views, Write
 from cubicfish_cli.undistortion.images import naming, remap
 from cubicfish_cli.undistortion.options import ViewOptions

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 from cubicfish.errors import CubicfishError
 from cubicfish.judge.codes import Code, Remedy
 from cubicfish.judge.finding import FindingText
+from cubicfish.listener import Event
 from cubicfish.wording import listed
 from cubicfish_cli.extension_table import extensions
-from cubicfish_cli.listener import Event
 from cubicfish_cli.words.phrases import Sentences
 
 _FILE = Path(__file__).with_name("catalogue.toml")

@@ -8,7 +8,7 @@ from typing import Any
 
 from cubicfish.files.frame_names import film_and_time
 from cubicfish.units import MILLIMETRES
-from cubicfish.wording import listed
+from cubicfish.wording import listed, plural
 
 _MOST_FILMS = 3
 _IMPERIAL = ("in", "inch", "inches", "ft")
@@ -17,11 +17,6 @@ _IMPERIAL = ("in", "inch", "inches", "ft")
 def percent(share: float) -> str:
     """Return a share as a signed percentage of two digits or more: 0.0123 -> ``+1.2 %``."""
     return f"{100 * share:+.0f} %" if abs(share) >= 0.995 else f"{100 * share:+.2g} %"
-
-
-def plural(number: float, what: str) -> str:
-    """Return ``1 photo``, ``2 photos``, ``1,200 photos``."""
-    return f"{number:,.0f} {what}{'' if number == 1 else 's'}"
 
 
 def counted(photos: Iterable[str]) -> str:

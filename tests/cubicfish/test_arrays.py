@@ -9,9 +9,9 @@ import pytest
 from cubicfish.arrays import Refusal
 from cubicfish.errors import CorrespondenceError, TargetError
 from cubicfish.models.cubic import CubicCamera
+from cubicfish.photos.photos import Photo
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
-from cubicfish_cli.photos.photos import Photo
 
 WORLD = np.arange(12.0).reshape(4, 3)
 PIXEL = np.arange(8.0).reshape(4, 2)

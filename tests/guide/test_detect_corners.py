@@ -10,11 +10,11 @@ from cubicfish.errors import DetectionError
 from cubicfish.find.identification.identified import Decided, remark_lines
 from cubicfish.io.corners_csv import load_corners
 from cubicfish.judge.codes import Code
+from cubicfish.observe import detection as passes
+from cubicfish.observe.detection import first_pass
+from cubicfish.photos.photos import find_photos
 from cubicfish.target.target import Target, load_target
-from cubicfish_cli.detection import detection as passes
-from cubicfish_cli.detection.detection import first_pass
-from cubicfish_cli.photos.executors.pool import Work
-from cubicfish_cli.photos.photos import find_photos
+from cubicfish.workers.pool import Work
 
 SAMPLE = Path(__file__).parents[2] / "sample_data"
 

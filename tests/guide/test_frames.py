@@ -15,14 +15,14 @@ from cubicfish.errors import DetectionError, PhotoError
 from cubicfish.find.detection.grids import FoundGrids, Grid
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
+from cubicfish.photos.photos import Photo, read_picture
+from cubicfish.run import Run
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
 from cubicfish_cli.extensions.films.command import FramesOptions, choose_frames
 from cubicfish_cli.films import frame_search
 from cubicfish_cli.films.choose import Choice, Patch, Seen
 from cubicfish_cli.films.frame_search import Found, Search
-from cubicfish_cli.photos.photos import Photo, read_picture
-from cubicfish_cli.run import Run
 
 
 def search(monkeypatch, adds: list[bool], most: int = 60) -> Search:

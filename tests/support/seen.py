@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import pytest
 
+from cubicfish.diagnosis.corner_count import Count
+from cubicfish.diagnosis.evidence import GridEvidence
 from cubicfish.find.identification.identified import Identified
 from cubicfish.judge.finding import Finding
 from cubicfish.target.target import Target
-from cubicfish_cli.diagnosis.corner_count import Count
-from cubicfish_cli.diagnosis.evidence import GridEvidence
 
 
 def no_photo(_: int) -> None:

@@ -8,10 +8,10 @@ import yaml
 from cubicfish.errors import DetectionError
 from cubicfish.find.detection.finder import find_grids
 from cubicfish.find.detection.grids import negative_grids, negative_photo
+from cubicfish.observe.detection import first_pass
+from cubicfish.photos.photos import find_photos
 from cubicfish.target.target import Target, target_text
-from cubicfish_cli.detection.detection import first_pass
-from cubicfish_cli.photos.executors.pool import Work
-from cubicfish_cli.photos.photos import find_photos
+from cubicfish.workers.pool import Work
 from cubicfish_cli.render.board_faces import board_face
 from tests.cubicfish.find.detection.test_markers import errors, find, mixed_photo, photo_of, wall
 

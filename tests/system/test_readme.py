@@ -15,9 +15,9 @@ from running import SAMPLE, run_cli
 from saved_maps import read_map
 
 from cubicfish.io.camera_yaml import load_camera
+from cubicfish.rigs.rig import Rig, RigFit
 from cubicfish.target.target import load_target
 from cubicfish_cli.extension_table import extension_commands
-from cubicfish_cli.extensions.rigs.rig import Rig, RigFit
 from cubicfish_cli.terminal.main import COMMANDS, cli
 
 ROOT = Path(__file__).parents[2]

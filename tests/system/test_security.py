@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from cubicfish.files import reading
-from cubicfish_cli.photos import photos
+from cubicfish.photos import photos
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "SECURITY.md").read_text(encoding="utf-8")

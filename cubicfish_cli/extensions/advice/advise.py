@@ -12,6 +12,12 @@ from cubicfish.judge.uncertainty import FieldUncertainty
 from cubicfish.judge.verdict import FEW_OF_A_PLANE, FEW_PHOTOS, verdict
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.solve.poses import Poses
+from cubicfish.sufficiency.sufficiency import (
+    CoverageGaps,
+    default_goal,
+    explain_insufficiency,
+    find_coverage_gaps,
+)
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
 from cubicfish.threads import one_blas_thread
@@ -24,12 +30,6 @@ from cubicfish_cli.extensions.advice.knowledge import (
     recorded_poses,
 )
 from cubicfish_cli.extensions.advice.proposals import Proposal, proposed
-from cubicfish_cli.sufficiency.sufficiency import (
-    CoverageGaps,
-    default_goal,
-    explain_insufficiency,
-    find_coverage_gaps,
-)
 from cubicfish_cli.viewpoints.views import Distances, Viewpoint, WholeLens, sample_views
 
 PROPOSALS = 3

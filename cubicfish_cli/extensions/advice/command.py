@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish.errors import CubicfishError, OutputError, UsageError
 from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
+from cubicfish.run import RUN, Run
+from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import in_folder, path_or_none
 from cubicfish_cli.render import drawing as extra
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_message, print_wrote, result
-from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.advice.advise import Advice

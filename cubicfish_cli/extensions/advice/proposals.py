@@ -16,9 +16,9 @@ from cubicfish.angles import angle_from_axis
 from cubicfish.fit.coverage import FieldCells
 from cubicfish.judge.uncertainty import FieldUncertainty
 from cubicfish.judge.verdict import COVERAGE
+from cubicfish.sufficiency.sufficiency import SIDES, side_of
 from cubicfish.types import BoolArray, FloatArray
 from cubicfish_cli.extensions.advice.knowledge import Knowledge
-from cubicfish_cli.sufficiency.sufficiency import SIDES, side_of
 from cubicfish_cli.viewpoints.views import Viewpoint
 
 MOST_PHOTOS = 12

@@ -12,16 +12,16 @@ import click
 
 from cubicfish.errors import PhotoError
 from cubicfish.files.whole_files import StrPath
+from cubicfish.listener import Event
+from cubicfish.run import RUN, Run
+from cubicfish.wording import plural
 from cubicfish_cli.films import MOST
 from cubicfish_cli.inputs.paths import paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
-from cubicfish_cli.listener import Event
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record, target_options
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_next, result
-from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish.target.target import Target
@@ -129,7 +129,7 @@ def choose_frames(options: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
 
 def _expand(films: StrPath | Sequence[StrPath]) -> list[Path]:
     """Return films, with patterns replaced by what they match."""
-    from cubicfish_cli.photos.photos import expanded
+    from cubicfish.photos.photos import expanded
 
     matches = {path: expanded(path) for path in paths_of(films)}
     for path in matches:
@@ -181,7 +181,7 @@ def command(chosen: ChosenFrames, given: FramesOptions, how: How) -> None:
     The chosen frames are sharp and still, and each shows something that the others do not: corners
     in another part of the picture, or a board from another side.
     """
-    from cubicfish_cli.photos.photos import shown
+    from cubicfish.photos.photos import shown
 
     if not how.print(chosen):
         _print(chosen, given)

@@ -7,16 +7,15 @@ from pathlib import Path
 
 from cubicfish.errors import DetectionError
 from cubicfish.files.frame_names import frame_name
+from cubicfish.listener import Listener
+from cubicfish.photos.photos import Photo, shown
+from cubicfish.run import Run
 from cubicfish.target.target import Target
-from cubicfish.wording import listed
+from cubicfish.wording import listed, plural
 from cubicfish_cli.films.choose import Scale, Seen
 from cubicfish_cli.films.frame_search import Search, why_ended
 from cubicfish_cli.films.scan import Measured, report_film, scan, still_px
 from cubicfish_cli.films.source import Film
-from cubicfish_cli.listener import Listener
-from cubicfish_cli.photos.photos import Photo, shown
-from cubicfish_cli.run import Run
-from cubicfish_cli.words.phrases import plural
 
 # So many frames are kept for each that may be chosen, at least one every so many seconds, and at
 # most so many.

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from cubicfish.files.frame_names import film_and_time
 from cubicfish.files.whole_files import Content, write_files
+from cubicfish.photos.photos import data_uri, read_picture, thumbnail
+from cubicfish.wording import plural
 from cubicfish_cli.extensions.films.frames import Chosen, names_of
 from cubicfish_cli.films.scan import copy_as_png
-from cubicfish_cli.photos.photos import data_uri, read_picture, thumbnail
-from cubicfish_cli.words.phrases import plural
 
 SHEET = "contact_sheet.html"
 _LONGEST, _QUALITY = 240, 80

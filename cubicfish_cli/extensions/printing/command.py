@@ -11,16 +11,16 @@ import click
 
 from cubicfish.errors import UsageError
 from cubicfish.files.whole_files import Content, StrPath, refuse_existing, write_files
+from cubicfish.listener import Event
+from cubicfish.run import RUN, Run
+from cubicfish.wording import plural
 from cubicfish_cli import __version__
 from cubicfish_cli.inputs.target_source import length_mm, target_in
-from cubicfish_cli.listener import Event
 from cubicfish_cli.render import drawing as extra
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import COUNTS, as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_message, print_table, result
-from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.printing.layout import Page

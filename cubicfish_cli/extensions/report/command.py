@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
+from cubicfish.run import RUN, Run
 from cubicfish_cli.inputs.paths import in_folder, path_or_none
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.render.pages import PAGE
 from cubicfish_cli.render.pages.report_files import ReportFiles
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import print_report
 from cubicfish_cli.terminal.parameters import as_command, option, record

@@ -11,10 +11,7 @@ import numpy.typing as npt
 
 from cubicfish.errors import PhotoError, ViewError
 from cubicfish.models.cubic import CubicCamera
-from cubicfish.types import FloatArray
-from cubicfish.views.maps import build_map
-from cubicfish_cli.inputs.calibration_facts import Facts, PhotoRecord
-from cubicfish_cli.photos.photos import (
+from cubicfish.photos.photos import (
     Picture,
     data_uri,
     decode_picture,
@@ -23,6 +20,9 @@ from cubicfish_cli.photos.photos import (
     read_size,
     thumbnail,
 )
+from cubicfish.types import FloatArray
+from cubicfish.views.maps import build_map
+from cubicfish_cli.inputs.calibration_facts import Facts, PhotoRecord
 from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.images import remap_picture
 

@@ -1,21 +1,7 @@
-"""Several cameras on one body.
+"""Commands for several cameras on one body: each is a module of its name.
 
-`Rig` (`rigs/rig.py`) is the one record, from the fit to rig.yaml and back, to the verdict, the page
-and what is done with a rig; each of its cameras is a calibrated camera that has a name and a place.
-
-A rig is not a second fit: `adjustment.py` knows one pose per shot and looks at the photos camera
-by camera: `RigLens` (`fit/rig_lens.py`) is to it what carries them, with the lenses and
-camera_from_rig of each; `normal_equations.py` sums each photo's Gram matrix over the columns that
-it touches, so that the work grows with photos and not with cameras. All else is
-`extensions/rigs`, of which no other part knows. `fit/calibrate.py` is the recipe: each camera
-alone (`fit/views.py`), places from the shots that two share (`start.py`), places and shots with
-the lenses held, then all at once. `spread.py` judges a place and its lens's own turn together, by
-noise and by shots that are left out; `start.py` refuses exchanged cameras, `faults.py` says what
-else is wrong. Of films, `extensions/rigs/films.py` is the recipe: `film_clocks.py` matches clocks
-by motion, `moments.py` takes moments out, and `fit/times.py` fits by the flow of corners what is
-left. Each command is a module of its name, with its options and its function.
-
-`stereo.py` turns two cameras so that rows agree; `mosaic.py` asks all cameras as one and blends
-them; `lens_rig.py` joins them to other tools' lenses, which the formats write from one `LensRig`
-(`foreign/file_contents.py`).
+Of films, `extensions/rigs/films.py` is the recipe: `film_clocks.py` matches clocks by motion,
+`moments.py` takes moments out, and the fit (`rigs/times.py`) finds what is left. `mosaic.py` asks
+all cameras as one and blends them; `lens_rig.py` joins them to other tools' lenses, which the
+formats write from one `LensRig` (`foreign/file_contents.py`).
 """

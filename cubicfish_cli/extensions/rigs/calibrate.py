@@ -11,15 +11,15 @@ import click
 
 from cubicfish.errors import UsageError
 from cubicfish.files.whole_files import StrPath, refuse_existing
-from cubicfish.wording import quoted
+from cubicfish.listener import Event
+from cubicfish.run import RUN, Run, made_at, made_by_record
+from cubicfish.wording import plural, quoted
 from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_rig
 from cubicfish_cli.films import MOST
 from cubicfish_cli.inputs.paths import in_folder, paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
-from cubicfish_cli.listener import Event
 from cubicfish_cli.render.pages import PAGE
-from cubicfish_cli.run import RUN, Run, made_at, made_by_record
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import enforce_max_rms, mark_of
 from cubicfish_cli.terminal.parameters import (
@@ -32,14 +32,13 @@ from cubicfish_cli.terminal.parameters import (
 )
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import apart, print_message, print_wrote, result
-from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish.fit.model_selection import RefineTarget
     from cubicfish.io.camera_yaml import Calibrated
+    from cubicfish.rigs.rig import Rig
     from cubicfish.target.target import Target
     from cubicfish_cli.extensions.rigs.films import ShotFrame
-    from cubicfish_cli.extensions.rigs.rig import Rig
 
 
 @record
@@ -148,16 +147,16 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
     """
     from cubicfish.io.camera_yaml import Calibrated, load_camera
     from cubicfish.io.corners_csv import save_corners
+    from cubicfish.rigs.calibrate import calibrate_rig
+    from cubicfish.rigs.rig import save_rig
+    from cubicfish.rigs.shots import TOLERANCE, load_shots, load_times
     from cubicfish_cli.extensions.rigs.films import keeping_frames, moving_corners, rig_frames
-    from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig
-    from cubicfish_cli.extensions.rigs.fit.shots import TOLERANCE, load_shots, load_times
     from cubicfish_cli.extensions.rigs.inputs import (
         check_camera_inputs,
         is_calibrated,
         load_camera_inputs,
     )
     from cubicfish_cli.extensions.rigs.report import write_rig_page
-    from cubicfish_cli.extensions.rigs.rig import save_rig
     from cubicfish_cli.films.scan import room_for_frames
     from cubicfish_cli.observe import films_among
     from cubicfish_cli.render import drawing as extra
@@ -278,8 +277,8 @@ def _name_lenses(
 
 def _name_cameras(inputs: Sequence[Path], given: str | None) -> list[str]:
     """What the cameras are called."""
+    from cubicfish.rigs.rig import refuse_name
     from cubicfish_cli.extensions.rigs.inputs import named_by
-    from cubicfish_cli.extensions.rigs.rig import refuse_name
 
     if len(inputs) < 2:
         raise UsageError("name two cameras or more: a folder of photos each, or a corners.csv")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from cubicfish.files.whole_files import StrPath
-from cubicfish_cli.run import RUN, Run
+from cubicfish.run import RUN, Run
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import px
 from cubicfish_cli.terminal.parameters import as_command, record
@@ -15,7 +15,7 @@ from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_table, result
 
 if TYPE_CHECKING:
-    from cubicfish_cli.extensions.rigs.fit.compare import ComparedCamera
+    from cubicfish.rigs.compare import ComparedCamera
 
 
 @record
@@ -62,8 +62,8 @@ def compare_rig_files(options: RigCompareOptions, *, run: Run = RUN) -> Compared
         FitError: the rigs have fewer than two cameras in common, or other units.
 
     """
-    from cubicfish_cli.extensions.rigs.fit.compare import compare_rigs
-    from cubicfish_cli.extensions.rigs.rig import load_rig
+    from cubicfish.rigs.compare import compare_rigs
+    from cubicfish.rigs.rig import load_rig
 
     rig = load_rig(options.first)
     return ComparedRigFiles(units=rig.units, cameras=compare_rigs(rig, load_rig(options.second)))

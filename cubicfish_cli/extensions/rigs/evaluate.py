@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING
 
 from cubicfish.errors import UsageError
 from cubicfish.files.whole_files import StrPath
+from cubicfish.listener import Event
+from cubicfish.run import RUN, Run
+from cubicfish.wording import plural
 from cubicfish_cli.commands.evaluate import report_unplaced
 from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_evaluation
 from cubicfish_cli.inputs.paths import paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
-from cubicfish_cli.listener import Event
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import enforce_max_rms
 from cubicfish_cli.terminal.parameters import as_command, record, target_options
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_json, print_message
-from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
+    from cubicfish.rigs.evaluate import RigEvaluation
     from cubicfish.target.target import Target
-    from cubicfish_cli.extensions.rigs.fit.evaluate import RigEvaluation
 
 
 @record
@@ -62,10 +62,10 @@ def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = RUN) -> RigEva
 
     """
     from cubicfish.judge.fit_record import origin_of
-    from cubicfish_cli.extensions.rigs.fit.evaluate import evaluate_rig
-    from cubicfish_cli.extensions.rigs.fit.shots import load_times, owners_of
+    from cubicfish.rigs.evaluate import evaluate_rig
+    from cubicfish.rigs.rig import REFINED, load_rig, rig_file
+    from cubicfish.rigs.shots import load_times, owners_of
     from cubicfish_cli.extensions.rigs.inputs import check_camera_inputs, load_camera_inputs
-    from cubicfish_cli.extensions.rigs.rig import REFINED, load_rig, rig_file
 
     model, inputs = rig_file(options.rig), paths_of(options.cameras)
     known = load_rig(model)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from cubicfish.errors import FitError, UsageError
 from cubicfish.files.whole_files import StrPath, write_files
+from cubicfish.run import RUN, Run
 from cubicfish_cli.commands.export import LensOptions, print_exported
 from cubicfish_cli.extension_table import written_formats
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_argument
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
 
@@ -56,10 +56,10 @@ def export_rig_files(options: RigExportOptions, *, run: Run = RUN) -> ExportedFi
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
+    from cubicfish.rigs.rig import load_rig, rig_file
     from cubicfish_cli.commands.export import ExportedFiles
     from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, printed
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
-    from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
 
     to, max_error = options.to, MAX_ERROR if options.max_error is None else options.max_error
     path = rig_file(options.rig)

@@ -2,7 +2,7 @@
 
 A body moves with all of its cameras, so films are still and lively at the same moments. That tells
 their clocks apart to about a frame, where they are alike in one way alone: what moves in a steady
-rhythm is alike again one beat later. The fit does the rest (``fit/times.py``).
+rhythm is alike again one beat later. The fit does the rest (``rigs/times.py``).
 """
 
 from dataclasses import dataclass

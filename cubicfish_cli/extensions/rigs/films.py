@@ -13,18 +13,18 @@ from cubicfish.errors import CubicfishError, DetectionError, PhotoError
 from cubicfish.files.frame_names import frame_name
 from cubicfish.files.tables import csv_text
 from cubicfish.files.whole_files import Content, refuse_existing, write_files
+from cubicfish.listener import Event, Listener
+from cubicfish.photos.photos import Photo, read_grey
+from cubicfish.rigs.times import Moving
+from cubicfish.run import Run
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
 from cubicfish_cli.extensions.rigs.film_clocks import FilmMotion, match_films
-from cubicfish_cli.extensions.rigs.fit.times import Moving
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out
 from cubicfish_cli.films.choose import Seen, choose_shots
 from cubicfish_cli.films.frame_search import found_in, why_ended
 from cubicfish_cli.films.scan import Measured, report_film, scan, still_px
 from cubicfish_cli.films.source import open_films
-from cubicfish_cli.listener import Event, Listener
-from cubicfish_cli.photos.photos import Photo, read_grey
-from cubicfish_cli.run import Run
 
 # Of so many moments for each that may be chosen the corners are looked for.
 _LOOKED_AT = 2

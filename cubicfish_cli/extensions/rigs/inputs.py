@@ -7,14 +7,14 @@ from glob import has_magic
 from pathlib import Path
 
 from cubicfish.errors import CorrespondenceError
+from cubicfish.files.fingerprint import fingerprint
 from cubicfish.io.camera_yaml import CameraFile, load_camera
+from cubicfish.photos.photos import VIDEO_SUFFIXES
+from cubicfish.run import RUN, Run
 from cubicfish_cli.films.recordings import label_of
-from cubicfish_cli.fingerprint import fingerprint
 from cubicfish_cli.inputs.paths import check_inputs, is_recording, tables_among
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.observe import Inputs, load_inputs
-from cubicfish_cli.photos.photos import VIDEO_SUFFIXES
-from cubicfish_cli.run import RUN, Run
 
 
 def named_by(path: Path) -> str:

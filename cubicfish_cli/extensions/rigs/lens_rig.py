@@ -7,10 +7,10 @@ import numpy as np
 
 from cubicfish.errors import ViewError
 from cubicfish.models.sphere import cone_rays
+from cubicfish.rigs.rig import Rig, RigCamera
+from cubicfish.rigs.stereo import rectify
 from cubicfish.views.fields import sees
 from cubicfish_cli.commands.exporting import Exported
-from cubicfish_cli.extensions.rigs.rig import Rig, RigCamera
-from cubicfish_cli.extensions.rigs.stereo import rectify
 from cubicfish_cli.foreign.file_contents import FlatPair, LensRig, PlacedLens
 from cubicfish_cli.undistortion.choose import build_view
 

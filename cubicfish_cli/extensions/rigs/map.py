@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish.errors import CameraFileError, UsageError, ViewError
 from cubicfish.files.whole_files import StrPath, refuse_existing
+from cubicfish.run import RUN, Run
 from cubicfish.wording import either
 from cubicfish_cli.commands.map import MapFiles, files_of, photo_size_option, print_maps, write_maps
 from cubicfish_cli.commands.view_options import view_bundle
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_option
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
@@ -95,11 +95,11 @@ def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
     import numpy as np
 
     from cubicfish.files.plain_yaml import plain_yaml_text
+    from cubicfish.rigs.rig import load_rig, rig_file
+    from cubicfish.rigs.stereo import rectify
     from cubicfish.views.fields import sees
     from cubicfish.views.maps import build_map, camera_for_photos
     from cubicfish.views.view import CentralView
-    from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
-    from cubicfish_cli.extensions.rigs.stereo import rectify
     from cubicfish_cli.undistortion.choose import ChosenView, chosen_view
     from cubicfish_cli.undistortion.map_formats import MapInBands, map_paths
 

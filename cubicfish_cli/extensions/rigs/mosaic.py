@@ -15,12 +15,12 @@ import numpy.typing as npt
 from cubicfish.angles import unit_rays
 from cubicfish.errors import ViewError
 from cubicfish.models.cubic import CubicCamera
+from cubicfish.photos.photos import Picture
+from cubicfish.rigs.rig import Rig, RigCamera
 from cubicfish.types import FloatArray
 from cubicfish.views.fields import sees
 from cubicfish.views.maps import UndistortMap, build_map
 from cubicfish.views.view import CentralView, View, matrix_of_rotation, rotation_vector
-from cubicfish_cli.extensions.rigs.rig import Rig, RigCamera
-from cubicfish_cli.photos.photos import Picture
 from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.images import remap_picture
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from cubicfish.judge.codes import Severity
 from cubicfish.judge.fit_record import origin_of
-from cubicfish_cli.extensions.rigs.rig import Rig
+from cubicfish.rigs.rig import Rig
 from cubicfish_cli.render.pages.figures import (
     BOARD_COLOURS,
     Drawn,

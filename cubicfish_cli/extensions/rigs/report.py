@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
+from cubicfish.run import RUN, Run
 from cubicfish_cli.extensions.rigs.options import rig_argument
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.render.pages import PAGE
 from cubicfish_cli.render.pages.report_files import ReportFiles
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import print_report
 from cubicfish_cli.terminal.parameters import as_command, record
@@ -45,7 +45,7 @@ def report_rig_files(options: RigReportOptions, *, run: Run = RUN) -> ReportFile
             exists and may not be replaced.
 
     """
-    from cubicfish_cli.extensions.rigs.rig import rig_file
+    from cubicfish.rigs.rig import rig_file
 
     extra.require(extra.REPORT, "a report")
     model = rig_file(options.rig)
@@ -62,8 +62,8 @@ def write_rig_page(rig: Path, page: Path, run: Run) -> Verdict:
         OutputError: the page is there, or cannot be written.
 
     """
+    from cubicfish.rigs.rig import load_rig
     from cubicfish_cli.extensions.rigs.page import rig_html
-    from cubicfish_cli.extensions.rigs.rig import load_rig
 
     loaded = load_rig(rig)
     run.listener.progress("Making the report")

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cubicfish.files.whole_files import StrPath
+from cubicfish.run import RUN, Run
 from cubicfish.wording import either
 from cubicfish_cli.commands.undistort import PictureOptions, named_sources, print_pictures
 from cubicfish_cli.commands.view_options import report_unseen, view_bundle
 from cubicfish_cli.extensions.rigs.options import rig_option
 from cubicfish_cli.inputs.paths import paths_of
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.terminal.progress import How
@@ -86,9 +86,9 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = RUN) -> Undi
         CubicfishError: the rig or the executor cannot be used.
 
     """
+    from cubicfish.rigs.rig import load_rig, rig_file
     from cubicfish_cli.commands.pictures import plan_pictures, write_pictures
     from cubicfish_cli.extensions.rigs.mosaic import Body
-    from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
     from cubicfish_cli.extensions.rigs.shots import RigViews, body_for_photos, shots_of
     from cubicfish_cli.undistortion.choose import chosen_view
 

@@ -13,14 +13,13 @@ import click
 
 from cubicfish.errors import OutputError, UsageError
 from cubicfish.files.whole_files import StrPath
-from cubicfish.wording import did_you_mean, quoted
+from cubicfish.run import RUN, Run
+from cubicfish.wording import did_you_mean, plural, quoted
 from cubicfish_cli.inputs.target_source import target_in
-from cubicfish_cli.run import RUN, Run
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, bundle, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_next, print_wrote, result
-from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish.files.whole_files import Content
@@ -188,6 +187,7 @@ def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFile
     from cubicfish.files.whole_files import write_files
     from cubicfish.io.camera_yaml import camera_text, load_camera
     from cubicfish.judge.fit_record import FitRecord
+    from cubicfish.listener import Event
     from cubicfish.models.cubic import CubicCamera
     from cubicfish_cli.extensions.simulation.simulate import (
         chosen_poses,
@@ -195,7 +195,6 @@ def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFile
         poses_of_table,
         simulated_photos,
     )
-    from cubicfish_cli.listener import Event
     from cubicfish_cli.viewpoints.truth import pose_table_text, true_corners_text
     from cubicfish_cli.viewpoints.views import NearLens
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from cubicfish.find.demosaic import evened
 from cubicfish.find.detection.finder import find_grids
-from cubicfish_cli.photos.photos import grey
+from cubicfish.photos.photos import grey
 
 RNG = np.random.default_rng(4)
 # How much of white each filter lets through, by rows and columns of even and odd numbers.

@@ -8,6 +8,7 @@ import synthetic
 from scipy.spatial.transform import Rotation
 from synthetic_lenses import synthetic_lens
 
+from cubicfish.comparison import aligned_difference
 from cubicfish.errors import FitError
 from cubicfish.fit import cubic_fit
 from cubicfish.fit.calibrate import calibrate
@@ -18,7 +19,6 @@ from cubicfish.models.cubic import pole_or_fold_deg
 from cubicfish.models.radial import RadialCamera
 from cubicfish.models.sphere import cone_rays
 from cubicfish.solve.subset import select, select_photos, world_scale
-from cubicfish_cli.comparison import aligned_difference
 
 pytestmark = pytest.mark.slow
 

@@ -8,15 +8,15 @@ import pytest
 import synthetic
 from lenses import random_rays
 
+from cubicfish.calibration import calibrate
+from cubicfish.diagnosis.diagnose import find_faults
+from cubicfish.diagnosis.left_out import dropped_boards
 from cubicfish.fit.calibrate import calibrate as fit
 from cubicfish.fit.coverage import blind_angle, field_cells
 from cubicfish.judge.codes import Code
 from cubicfish.judge.fit_record import DroppedCorner
 from cubicfish.models.radial import RadialCamera
 from cubicfish.solve.subset import select
-from cubicfish_cli.commands.calibration import calibrate
-from cubicfish_cli.diagnosis.diagnose import find_faults
-from cubicfish_cli.diagnosis.left_out import dropped_boards
 
 TARGET = synthetic.corner_of_three()
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 from lenses import cubic_camera, random_rays
 
+from cubicfish.comparison import aligned_difference
 from cubicfish.fit.alignment import in_references_frame
 from cubicfish.models.lift import lift_rotation
 from cubicfish.models.sphere import cone_rays
 from cubicfish.solve.poses import Poses, rotation_from_vector
-from cubicfish_cli.comparison import aligned_difference
 
 COVERED = np.deg2rad(80.0)
 

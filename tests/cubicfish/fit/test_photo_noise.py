@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import synthetic
 
+from cubicfish.comparison import aligned_difference
 from cubicfish.fit import refinement
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.models.sphere import cone_rays
 from cubicfish.solve.statistics import photo_weights, weighed
-from cubicfish_cli.comparison import aligned_difference
 
 NOISE = 0.05
 TARGET = synthetic.corner_of_three()

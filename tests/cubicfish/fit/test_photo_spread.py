@@ -8,6 +8,7 @@ import synthetic
 from simulated import CornerErrors, simulated_corners
 from synthetic_lenses import synthetic_lens
 
+from cubicfish.comparison import aligned_difference
 from cubicfish.fit.cubic_fit import PriorChoice, fit_cubic
 from cubicfish.fit.photo_spread import PhotoSpread, photo_spread, variance_of_few
 from cubicfish.fit.radial_reference import fit_radial
@@ -15,7 +16,6 @@ from cubicfish.fit.uncertainty import camera_uncertainty
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.sphere import cone_rays
 from cubicfish.solve.subset import select, world_scale
-from cubicfish_cli.comparison import aligned_difference
 
 TARGET = synthetic.corner_of_three()
 PRIOR = PriorChoice(spread=1e-3, weight=1.0)

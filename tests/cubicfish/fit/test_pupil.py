@@ -7,6 +7,7 @@ import pytest
 import synthetic
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
+from cubicfish.comparison import aligned_difference
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.calibration import Calibration
 from cubicfish.fit.cubic_fit import PriorChoice, fit_cubic
@@ -16,7 +17,6 @@ from cubicfish.models.sphere import cone_rays, ray_at
 from cubicfish.solve.statistics import rms_px
 from cubicfish.solve.subset import world_scale
 from cubicfish.target.observations import Observations
-from cubicfish_cli.comparison import aligned_difference
 
 TARGET = synthetic.box_of_four(8)
 PHOTOS = 12

@@ -9,6 +9,7 @@ from lenses import radial_camera
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from cubicfish.calibration import calibrate as calibrate_target
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.cubic_fit import PriorChoice, fit_cubic
 from cubicfish.fit.radial_reference import fit_radial, refit_radial
@@ -22,7 +23,6 @@ from cubicfish.judge.uncertainty import UncertaintyGrid
 from cubicfish.models.sphere import cone_rays
 from cubicfish.solve.subset import select_photos, with_mean_weight_one, world_scale
 from cubicfish.target.target import Target
-from cubicfish_cli.commands.calibration import calibrate as calibrate_target
 
 TARGET = synthetic.corner_of_three()
 BOARD = Target(units="m", boards=(synthetic.checkerboard("board", 6, 4, 0.03),))

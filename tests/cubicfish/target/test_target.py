@@ -11,11 +11,11 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cubicfish.diagnosis.object_check import count_planes
 from cubicfish.errors import TargetError
 from cubicfish.target.boards.markers import MARKER_DICTIONARIES
 from cubicfish.target.boards.shape import BoardShape
 from cubicfish.target.target import Target, load_target
-from cubicfish_cli.diagnosis.object_check import count_planes
 
 FLOOR: dict[str, Any] = {
     "name": "floor",

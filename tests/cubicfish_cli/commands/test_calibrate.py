@@ -11,12 +11,12 @@ from running import SAMPLE, Run
 from saved_maps import read_map
 
 from cubicfish.errors import OutputError
+from cubicfish.files.fingerprint import sha256_of
 from cubicfish.fit import calibrate as fitting
 from cubicfish.io.camera_yaml import load_camera
 from cubicfish.io.corners_csv import load_corners
 from cubicfish.target.target import load_target
 from cubicfish_cli import __version__
-from cubicfish_cli.fingerprint import sha256_of
 
 CORNERS = SAMPLE / "true_corners.csv"
 TARGET = SAMPLE / "target.yaml"

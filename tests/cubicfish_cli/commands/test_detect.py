@@ -14,9 +14,9 @@ from cubicfish.find.identification.identified import Decided, GridReport, PhotoR
 from cubicfish.io.corners_csv import load_corners
 from cubicfish.judge.codes import Code
 from cubicfish.judge.finding import Finding
+from cubicfish.observe.detection import drawings
+from cubicfish.photos.photos import Photo
 from cubicfish.target.target import load_target
-from cubicfish_cli.detection.detection import drawings
-from cubicfish_cli.photos.photos import Photo
 from cubicfish_cli.terminal.figures import lost_word
 
 TARGET = SAMPLE / "target.yaml"
@@ -123,7 +123,7 @@ def test_existing_corners_are_refused_before_the_work(
     def fail(*_: object, **__: object) -> None:
         pytest.fail("the work must not start")
 
-    monkeypatch.setattr("cubicfish_cli.detection.detection.first_pass", fail)
+    monkeypatch.setattr("cubicfish.observe.detection.first_pass", fail)
     path = tmp_path / "corners.csv"
     path.write_text("old")
     said = run("detect", *PHOTOS, "-t", TARGET, "-o", path, code=1).stderr

@@ -11,7 +11,7 @@ import yaml
 from running import SAMPLE, Run, invoke_cli
 
 from cubicfish.find.detection.grids import FoundGrids
-from cubicfish_cli.detection.photo_detection import GridCache
+from cubicfish.observe.photo_detection import GridCache
 from cubicfish_cli.terminal.parameters import FOLDER
 
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
@@ -188,7 +188,7 @@ def test_outputs_that_cannot_be_written_are_refused_before_the_work(
         pytest.skip("there is no /proc here")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").touch()
-    monkeypatch.setattr("cubicfish_cli.detection.detection.find_corners", None)
+    monkeypatch.setattr("cubicfish.observe.detection.find_corners", None)
     if place != ".":
         error = run("calibrate", SAMPLE / "photos", "-t", TARGET, "-o", place, code=1).stderr
         assert says in error
@@ -220,7 +220,7 @@ def test_entries_of_the_cache_that_were_exchanged_are_not_used(tmp_path: Path) -
 def test_a_huge_camera_gets_no_map_of_gigabytes(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cubicfish_cli.photos.photos.MAX_PIXELS", 960 * 720 - 1)
+    monkeypatch.setattr("cubicfish.photos.photos.MAX_PIXELS", 960 * 720 - 1)
     line = ("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o", tmp_path / "c")
     said = run(*line)
     assert "No undistort_map.npz was written: a map of 960x720 pixels" in said.stderr

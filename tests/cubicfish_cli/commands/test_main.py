@@ -107,7 +107,7 @@ def test_what_a_command_does_not_use_is_not_loaded(
 
 @pytest.mark.slow
 def test_a_hypothesis_that_is_not_tried_costs_no_start() -> None:
-    code = "import sys, cubicfish_cli.detection.detection; print('scipy.optimize' in sys.modules)"
+    code = "import sys, cubicfish.observe.detection; print('scipy.optimize' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"
 

@@ -24,19 +24,19 @@ from running import SAMPLE, invoke_cli, run_cli
 from cubicfish.find.identification.second_pass import Prediction
 from cubicfish.fit import calibrate as fit
 from cubicfish.io.corners_csv import load_corners
+from cubicfish.observe import detection
+from cubicfish.rigs import calibrate as rig_fit
+from cubicfish.rigs import evaluate as rig_evaluate
+from cubicfish.rigs import views
 from cubicfish.target.target import load_target
 from cubicfish.views.maps import camera_for_photos
+from cubicfish.workers import cluster, pool
 from cubicfish_cli import CubicfishError, load_camera, save_camera
 from cubicfish_cli.commands import exporting
-from cubicfish_cli.detection import detection
 from cubicfish_cli.extensions.advice import advise
-from cubicfish_cli.extensions.rigs.fit import calibrate as rig_fit
-from cubicfish_cli.extensions.rigs.fit import evaluate as rig_evaluate
-from cubicfish_cli.extensions.rigs.fit import views
 from cubicfish_cli.extensions.simulation import simulate
 from cubicfish_cli.films import frame_search
 from cubicfish_cli.foreign import point_fit
-from cubicfish_cli.photos.executors import cluster, pool
 from tests.cubicfish_cli.extensions.rigs.test_export import made_rig
 
 TARGET, ALL_CORNERS = SAMPLE / "target.yaml", SAMPLE / "true_corners.csv"

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
+from cubicfish.photos.photos import read_picture
 from cubicfish.target.target import load_target
-from cubicfish_cli.photos.photos import read_picture
 
 TARGET = SAMPLE / "target.yaml"
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"

@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
+from cubicfish.workers import cluster
 from cubicfish_cli.commands import pictures
 from cubicfish_cli.commands.map import command as map_command
 from cubicfish_cli.commands.undistort import command as undistort_command
 from cubicfish_cli.extensions.rigs.map import command as map_rig_command
 from cubicfish_cli.extensions.rigs.undistort import command as undistort_rig_command
-from cubicfish_cli.photos.executors import cluster
 from tests.cubicfish_cli.extensions.rigs.test_export import made_rig
 
 TARGET = SAMPLE / "target.yaml"

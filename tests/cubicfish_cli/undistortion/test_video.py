@@ -11,10 +11,10 @@ import pytest
 from lenses import cubic_camera
 
 from cubicfish.errors import OutputError, PhotoError, ViewError
+from cubicfish.listener import SILENT, Count, Listener
 from cubicfish.views.maps import build_map, camera_for_photos
 from cubicfish.views.view import CentralView, rotation_from_angles
 from cubicfish_cli.films import source as source_of_frames
-from cubicfish_cli.listener import SILENT, Count, Listener
 from cubicfish_cli.undistortion.batch import Job
 from cubicfish_cli.undistortion.images import remap_picture
 from cubicfish_cli.undistortion.video import VideoViews, _make_chroma_maps, video_size

@@ -14,9 +14,9 @@ import numpy as np
 from cubicfish.errors import CubicfishError
 from cubicfish.io.camera_yaml import load_any_camera
 from cubicfish.io.corners_csv import load_corners, load_correspondences
+from cubicfish.photos.photos import decode_picture, photo_size, read_file
 from cubicfish.target.target import load_target
 from cubicfish_cli.commands.points import read_points
-from cubicfish_cli.photos.photos import decode_picture, photo_size, read_file
 
 SAMPLE = Path(__file__).parents[3] / "sample_data"
 LONGEST_MESSAGE = 2000

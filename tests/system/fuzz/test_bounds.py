@@ -25,7 +25,7 @@ BOUNDED = {
     "target.yaml": ("cubicfish/target/target", "cubicfish/files/plain_yaml"),
     "camera.yaml, rig.yaml": (
         "cubicfish/io/camera_keys",
-        "cubicfish_cli/extensions/rigs/rig",
+        "cubicfish/rigs/rig",
         "cubicfish/files/plain_yaml",
     ),
     "OpenCV, ROS, Kalibr, OCamCalib's text": (
@@ -45,9 +45,9 @@ BOUNDED = {
     "tables: corners, pairs, poses": ("cubicfish/files/tables",),
     "corners.vnl": ("cubicfish_cli/extensions/formats/vnlog",),
     "points, pixels": ("cubicfish_cli/commands/points",),
-    "photos, each of those under way": ("cubicfish_cli/photos/photos",),
+    "photos, each of those under way": ("cubicfish/photos/photos",),
 }
-UNLISTED = {"cubicfish_cli/fingerprint"}  # the digest of any input
+UNLISTED = {"cubicfish/files/fingerprint"}  # the digest of any input
 UNITS = {
     "BYTES": (("GB", 1e9), ("MB", 1e6)),
     "VALUES": (("million values", 1e6), ("values", 1)),

@@ -198,10 +198,10 @@ MUTATIONS = tuple(
             "cubicfish_cli/extensions/advice/test_advice",
         ),
         (
-            "cubicfish_cli/diagnosis/two_lenses.py",
+            "cubicfish/diagnosis/two_lenses.py",
             "own=split.own[::-1]",
             "own=split.own",
-            "cubicfish_cli/diagnosis/test_diagnosis",
+            "cubicfish/diagnosis/test_diagnosis",
         ),
         # The object.
         (

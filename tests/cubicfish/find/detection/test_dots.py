@@ -11,7 +11,7 @@ from cubicfish.find.detection.dots import count_dots
 from cubicfish.find.detection.finder import find_grids
 from cubicfish.find.detection.pyramid import build_pyramid
 from cubicfish.judge.codes import Code
-from cubicfish_cli.detection.detection import detect
+from cubicfish.observe.detection import detect
 from tests.cubicfish.find.detection.test_finder import drawn_board, seen, textures, without_a_board
 
 SIZE = (640, 480)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from cubicfish.find.detection.grids import FoundGrids, Grid
+from cubicfish.observe import photo_detection
+from cubicfish.observe.detection import first_pass
+from cubicfish.observe.photo_detection import GridCache
+from cubicfish.photos.photos import find_photos
 from cubicfish.target.target import load_target
-from cubicfish_cli.detection import photo_detection
-from cubicfish_cli.detection.detection import first_pass
-from cubicfish_cli.detection.photo_detection import GridCache
-from cubicfish_cli.photos.executors.pool import Work
-from cubicfish_cli.photos.photos import find_photos
+from cubicfish.workers.pool import Work
 
 SAMPLE = Path(__file__).parents[4] / "sample_data"
 TARGET = load_target(SAMPLE / "target.yaml")

@@ -12,11 +12,11 @@ from cubicfish.find.detection.finder import find_grids
 from cubicfish.find.detection.ladder import Box, Ladder, join_boxes
 from cubicfish.find.detection.links import find_patches
 from cubicfish.find.detection.pyramid import build_pyramid
+from cubicfish.observe import photo_detection
+from cubicfish.observe.photo_detection import GridCache, detect_in_photo
+from cubicfish.photos.photos import Photo
 from cubicfish.target.boards.types import Checkerboard
 from cubicfish.target.target import Target
-from cubicfish_cli.detection import photo_detection
-from cubicfish_cli.detection.photo_detection import GridCache, detect_in_photo
-from cubicfish_cli.photos.photos import Photo
 
 COLUMNS, ROWS = 9, 7
 BOARD = Checkerboard(

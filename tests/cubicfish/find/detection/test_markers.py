@@ -17,12 +17,12 @@ from cubicfish.find.detection.markers_lattice import BoardLattice
 from cubicfish.find.detection.markers_read import read_grid
 from cubicfish.find.detection.pyramid import build_pyramid
 from cubicfish.find.identification.quick_detect import quick_detect_markers
+from cubicfish.observe.photo_detection import detect_in_photo as search
+from cubicfish.photos.photos import Photo
 from cubicfish.target.boards.markers import Markers
 from cubicfish.target.boards.types import BOARD_TYPES
 from cubicfish.target.target import Target
-from cubicfish_cli.detection.photo_detection import detect_in_photo as search
 from cubicfish_cli.extensions.simulation.simulate import render
-from cubicfish_cli.photos.photos import Photo
 from cubicfish_cli.viewpoints.truth import camera_points, project_corners
 
 SIZE = (520, 520)

@@ -13,10 +13,10 @@ from cubicfish.find.detection.markers_detect import families, reading_zooms
 from cubicfish.find.detection.markers_lattice import BoardLattice
 from cubicfish.find.detection.markers_missing import OpenEnds, Part, hidden, hidden_around
 from cubicfish.find.detection.pyramid import build_pyramid
+from cubicfish.observe import photo_detection
+from cubicfish.photos.photos import Photo
 from cubicfish.target.boards.types import AprilGrid
 from cubicfish.target.target import Target
-from cubicfish_cli.detection import photo_detection
-from cubicfish_cli.photos.photos import Photo
 from tests.cubicfish.find.detection.test_markers import (
     MIXED,
     SIZE,

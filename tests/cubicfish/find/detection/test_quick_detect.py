@@ -7,7 +7,7 @@ from running import SAMPLE
 
 from cubicfish.find.detection.finder import find_grids
 from cubicfish.find.identification.quick_detect import quick_detect_grids
-from cubicfish_cli.photos.photos import read_grey
+from cubicfish.photos.photos import read_grey
 
 
 @pytest.mark.slow

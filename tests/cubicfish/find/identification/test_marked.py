@@ -10,11 +10,11 @@ import synthetic
 from cubicfish.errors import DetectionError
 from cubicfish.find.identification.second_pass import predicted_corners
 from cubicfish.fit.calibrate import calibrate
+from cubicfish.observe.detection import first_pass, second_pass
+from cubicfish.photos.photos import find_photos
 from cubicfish.target.boards.markers import Markers
-from cubicfish_cli.detection.detection import first_pass, second_pass
+from cubicfish.workers.pool import Work
 from cubicfish_cli.extensions.simulation.simulate import render
-from cubicfish_cli.photos.executors.pool import Work
-from cubicfish_cli.photos.photos import find_photos
 from cubicfish_cli.viewpoints.truth import project_corners
 
 LENS = synthetic.lens_of_size(0.75)

@@ -12,11 +12,11 @@ from cubicfish.find.identification.identified import Detection, PhotoReport
 from cubicfish.find.identification.second_pass import predicted_corners
 from cubicfish.fit.rough_fit import RoughFit
 from cubicfish.io.corners_csv import load_corners
+from cubicfish.observe.detection import second_pass
+from cubicfish.photos.photos import Photo, find_photos
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target, load_target
-from cubicfish_cli.detection.detection import second_pass
-from cubicfish_cli.photos.executors.pool import Work
-from cubicfish_cli.photos.photos import Photo, find_photos
+from cubicfish.workers.pool import Work
 
 SAMPLE = Path(__file__).parents[4] / "sample_data"
 TARGET = load_target(SAMPLE / "target.yaml")

@@ -8,12 +8,12 @@ from anonymous_grids import anonymous_photos
 from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three, flat_board
 
+from cubicfish.diagnosis.corner_count import nothing_named
 from cubicfish.find.detection.grids import Grid
 from cubicfish.find.identification.ends import doubtful_rims, solid, without_strays
 from cubicfish.find.identification.identified import Decided
 from cubicfish.find.identification.name_grids import name_grids
 from cubicfish.target.target import Target
-from cubicfish_cli.diagnosis.corner_count import nothing_named
 from tests.cubicfish.find.identification.test_name_grids import names, places, seen
 
 BOARD = np.array([[9, 6], [6, 9]])

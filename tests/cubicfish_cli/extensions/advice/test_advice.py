@@ -16,6 +16,7 @@ from synthetic import (
 )
 
 from cubicfish.angles import angle_from_axis
+from cubicfish.comparison import aligned_difference
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.uncertainty import field_grid
 from cubicfish.judge.codes import Code
@@ -24,17 +25,16 @@ from cubicfish.judge.uncertainty import FieldUncertainty, UncertaintyGrid, summe
 from cubicfish.judge.verdict import COVERAGE, verdict
 from cubicfish.solve.poses import Poses
 from cubicfish.solve.subset import select
-from cubicfish.target.target import Target
-from cubicfish_cli.comparison import aligned_difference
-from cubicfish_cli.extensions.advice.advise import advise, distances_within
-from cubicfish_cli.extensions.advice.knowledge import know, limited_lens, recorded_poses
-from cubicfish_cli.extensions.advice.proposals import place_words, tilt_words
-from cubicfish_cli.sufficiency.sufficiency import (
+from cubicfish.sufficiency.sufficiency import (
     explain_insufficiency,
     find_coverage_gaps,
     side_of,
     summary,
 )
+from cubicfish.target.target import Target
+from cubicfish_cli.extensions.advice.advise import advise, distances_within
+from cubicfish_cli.extensions.advice.knowledge import know, limited_lens, recorded_poses
+from cubicfish_cli.extensions.advice.proposals import place_words, tilt_words
 from cubicfish_cli.viewpoints.views import Distances, sample_views, view_from
 
 TARGET = corner_of_three()

@@ -19,10 +19,10 @@ from rosbags.typesys import Stores, get_typestore
 from running import run_cli
 
 from cubicfish.errors import CubicfishError, PhotoError
+from cubicfish.run import RUN
 from cubicfish_cli.films.recordings import Recording
 from cubicfish_cli.inputs.paths import check_inputs, file_and_topic, is_recording
 from cubicfish_cli.inputs.target_source import TargetSource
-from cubicfish_cli.run import RUN
 
 RGB = np.random.default_rng(0).integers(0, 256, (24, 32, 3), np.uint8)
 GREY = RGB[:, :, 1]

@@ -21,18 +21,18 @@ from simulated_rig import combined, corner_target
 from synthetic_lenses import synthetic_lens
 
 from cubicfish.errors import DetectionError
+from cubicfish.listener import Event
+from cubicfish.rigs.shots import time_of
 from cubicfish_cli import save_target
 from cubicfish_cli.extensions.rigs import films as rig_films
 from cubicfish_cli.extensions.rigs.calibrate import RigOptions, calibrate_rig_files
 from cubicfish_cli.extensions.rigs.film_clocks import FilmMatch, FilmMotion, match_films
 from cubicfish_cli.extensions.rigs.films import ShotFrame, find_ahead
-from cubicfish_cli.extensions.rigs.fit.shots import time_of
 from cubicfish_cli.extensions.rigs.moments import flow, moments
 from cubicfish_cli.extensions.simulation.simulate import render
 from cubicfish_cli.films.choose import choose, choose_shots
 from cubicfish_cli.films.scan import Measured, scan
 from cubicfish_cli.films.source import Film, open_films
-from cubicfish_cli.listener import Event
 from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix
 from tests.cubicfish_cli.extensions.films.test_films import at
 

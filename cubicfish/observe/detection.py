@@ -1,0 +1,396 @@
+"""Pictures, in memory or in files -> named corners, with what became of each; and their files."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish.arrays import Refusal
+from cubicfish.diagnosis.diagnose import find_faults
+from cubicfish.diagnosis.evidence import GridEvidence, MarkerEvidence
+from cubicfish.errors import DetectionError, OutputError
+from cubicfish.files.whole_files import StrPath, refuse_outside
+from cubicfish.find.identification.identified import (
+    FEWEST_CORNERS,
+    Detection,
+    PhotoReport,
+    marked_corners,
+    nominal_target_fits,
+    remark_of,
+)
+from cubicfish.find.identification.name_grids import name_grids
+from cubicfish.find.identification.second_pass import (
+    Prediction,
+    predicted_corners,
+    with_added,
+)
+from cubicfish.judge.codes import Code, Severity, words
+from cubicfish.judge.finding import Finding
+from cubicfish.listener import SILENT, Event, Listener
+from cubicfish.observe.photo_detection import (
+    GridCache,
+    PhotoDetection,
+    detect_in_photo,
+    make_refusal,
+)
+from cubicfish.photos.photos import Photo, find_photos, refuse_no_picture
+from cubicfish.run import Run
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target
+from cubicfish.wording import plural
+from cubicfish.workers.pool import Work
+
+if TYPE_CHECKING:
+    from cubicfish.find.detection.markers import MarkedCorners
+
+Image = npt.NDArray[Any]
+
+
+def detect(
+    photos: StrPath | Mapping[str, Image] | Iterable[Image] | Iterable[StrPath],
+    target: Target,
+    *,
+    jobs: int | None = 1,
+    cache: StrPath | None = None,
+    listener: Listener = SILENT,
+) -> Detection:
+    """Find the corners of ``target`` in photos and name them, as ``cubicfish detect`` does.
+
+    A second pass follows where a camera fitted to the corners expects more. Photos that cannot be
+    used are reported in the result, and passed over.
+
+    Args:
+        photos: arrays (H, W) or (H, W, 1 to 4), uint8 or uint16, colours in BGR order, by name or
+            in a list (then named ``photo_0`` and so on); or files, folders and globs. Pictures
+            must be as the sensor made them: :func:`read_picture` does not turn them, as cv2.imread
+            may.
+        target: the calibration target.
+        jobs: processes to use; None for one per processor. With more than one, a script must
+            start its work below ``if __name__ == "__main__":``.
+        cache: a folder in which what is found in files is kept; by default nothing is.
+        listener: who is told how far it is.
+
+    Returns:
+        Corners with pixels (N, 2) and their target, and what became of each photo.
+
+    Raises:
+        DetectionError: an array is no picture, or no corner could be named in any photo; the
+            text says what to check.
+        PhotoError: there is no such file, or it is no photo.
+
+    """
+    kept = None if cache is None else Path(cache)
+    run = Run(jobs=jobs, cache=kept, listener=listener)
+    return find_corners(_make_photos(photos), [target], run)
+
+
+def find_corners(photos: Sequence[Photo], targets: Sequence[Target], run: Run) -> Detection:
+    """Both passes of :func:`detect`; of several targets, for the one that explains most corners.
+
+    Raises:
+        DetectionError: no corner could be named in any photo.
+
+    """
+    run.listener.tell(Event.LOOKING, photos=len(photos))
+    work = run.work("Finding corners")
+    detection = first_pass(photos, targets, work, run.cache)
+    target = detection.corners.target
+    if target is not None:
+        work = run.work("Looking again")
+        detection = second_pass(photos, detection, predicted_corners(detection, target), work)
+    added = sum(photo.added for photo in detection.photos)
+    if added:
+        run.listener.tell(Event.LOOKED_AGAIN, corners=added)
+    return detection
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Expected:
+    """A photo that a fitted camera expects corners in.
+
+    Attributes:
+        photo: where it is.
+        expected: where it should show corners.
+
+    """
+
+    photo: Photo
+    expected: Prediction
+
+    @property
+    def name(self) -> str:
+        """The photo's."""
+        return self.photo.name
+
+
+def second_pass(
+    photos: Sequence[Photo], detection: Detection, expected: Mapping[str, Prediction], work: Work
+) -> Detection:
+    """Add the corners that a camera fitted to the first pass predicts and the photos show.
+
+    Args:
+        photos: the photos that ``detection`` is of, in its order.
+        detection: the first pass.
+        expected: what it predicts of photos, by their names.
+        work: who searches the photos.
+
+    Returns:
+        The detection with the added corners; the same one where nothing is expected.
+
+    """
+    seen = {photo.name: photo for photo in _make_paths_absolute(photos, work)}
+    again = [_Expected(photo=seen[name], expected=one) for name, one in expected.items()]
+    return with_added(detection, work.done(_search_again, again)) if again else detection
+
+
+def _search_again(one: _Expected) -> Observations:
+    return one.expected.seen_in(one.photo.read_grey())
+
+
+def _make_paths_absolute(photos: Sequence[Photo], work: Work) -> Sequence[Photo]:
+    """The photos by paths that hold wherever the work is done."""
+    return photos if work.executor is None else [photo.absolute() for photo in photos]
+
+
+def first_pass(
+    photos: Sequence[Photo], targets: Sequence[Target], work: Work, cache: StrPath | None = None
+) -> Detection:
+    """Find and name the corners of the one of several targets that explains most of them.
+
+    Photos that cannot be read, or are not of the size that most have, are reported and passed
+    over. The result does not depend on who does the work.
+
+    Args:
+        photos: the photos.
+        targets: at least one, with the same boards but for their colours; ``corners.target`` of
+            the result says which it is.
+        work: who searches the photos.
+        cache: a folder in which what is found in files is kept; None searches them all.
+
+    Raises:
+        ClusterError: the executor cannot do the work.
+        DetectionError: no corner could be named by any of them; the text is that of the last, and
+            says what to check.
+
+    """
+    kept = None if cache is None else GridCache(folder=Path(cache).absolute())
+    detect_one = partial(detect_in_photo, target=targets[0], cache=kept)
+    found = work.done(detect_one, _make_paths_absolute(photos, work))
+    named: list[Detection] = []
+    for number, target in enumerate(targets, start=1):
+        try:
+            named.append(_name_corners(photos, found, target))
+        except DetectionError:  # the last says why, where none does better
+            if number == len(targets) and not named:
+                raise
+    return max(named, key=lambda one: (len(one.corners.pixel), -len(one.findings)))
+
+
+def _make_photos(
+    photos: StrPath | Mapping[str, Image] | Iterable[Image] | Iterable[StrPath],
+) -> list[Photo]:
+    if isinstance(photos, str | os.PathLike):
+        return find_photos([photos])
+    if isinstance(photos, Mapping):
+        names, given = list(photos), list(photos.values())
+    else:
+        given = list(photos)
+        if given and all(isinstance(one, str | os.PathLike) for one in given):
+            return find_photos(given)
+        names = [f"photo_{index}" for index in range(len(given))]
+    if not given:
+        raise DetectionError("no photo was given: pass pictures, or the names of files")
+    names = list(Refusal(error=DetectionError).names(names, "photos"))
+    for name, one in zip(names, given, strict=True):
+        refuse_no_picture(one, name, DetectionError, kinds=(np.uint8, np.uint16))
+    return [
+        Photo(name=name, path=Path(name), picture=np.ascontiguousarray(one))
+        for name, one in zip(names, given, strict=True)
+    ]
+
+
+_NOT_NAMED = "no corner can be named"
+# With these, where they are bad, names would be those of other corners.
+_REFUSED = (Code.ANOTHER_TARGET, Code.CORNER_COUNT, Code.NOTHING_NAMED, Code.NO_MARKERS)
+
+
+def _name_corners(
+    photos: Sequence[Photo], found: Sequence[PhotoDetection], target: Target
+) -> Detection:
+    """Name the corners of ``target`` that were found in photos.
+
+    Raises:
+        DetectionError: no corner could be named in any photo; the text says what to check.
+
+    """
+    size = _find_common_size(found)
+    if size is None:
+        raise _make_error(_explain_nothing_read(found))
+    with_boards = [_is_showing_boards(one) for one in found]
+    found = [
+        _refuse_other_size(one, photo.name, size) for one, photo in zip(found, photos, strict=True)
+    ]
+    usable = [index for index, one in enumerate(found) if one.grids is not None]
+    detections = [found[index] for index in usable]
+    grids = [detected.grids for detected in detections if detected.grids is not None]
+    names = [photos[index].name for index in usable]
+    identified = None
+    if target.has_markers:
+        marked = [detected.marked for detected in detections if detected.marked is not None]
+        corners = marked_corners(marked, target, size, names)
+        parts = [
+            PhotoReport(
+                name=name,
+                refusal=detected.refusal,
+                remarks=_report_twice_in_view(own, name, target),
+                found=replace(shown, grids=()),
+            )
+            for detected, own, shown, name in zip(detections, marked, grids, names, strict=True)
+        ]
+    else:
+        identified = name_grids([one.grids for one in grids], target, size, names)
+        corners = identified.corners
+        fits = nominal_target_fits(identified.grids, target)
+        parts = [
+            PhotoReport(
+                name=name,
+                refusal=detected.refusal,
+                remarks=tuple(
+                    remark for grid in own if (remark := remark_of(name, grid, odd=fits))
+                ),
+                exact=bool(exact),
+                found=detected.grids,
+                grids=own,
+            )
+            for detected, name, own, exact in zip(
+                detections, names, identified.grids, identified.exact, strict=True
+            )
+        ]
+    reports = [
+        PhotoReport(name=photo.name, refusal=detected.refusal)
+        for photo, detected in zip(photos, found, strict=True)
+    ]
+    for number, (index, part) in enumerate(zip(usable, parts, strict=True)):
+        board = corners.board[corners.image == number]
+        boards = tuple(corners.boards[one] for one in np.unique(board))
+        reports[index] = replace(part, boards=boards, corners=len(board))
+    about: dict[str, Any] = {
+        "photos": len(photos),
+        "names": names,
+        "picture": lambda number: photos[usable[number]].grey_if_readable(),
+        "target": target,
+        "with_boards": sum(with_boards),
+        "lost": [
+            report.loss
+            for report, shows in zip(reports, with_boards, strict=True)
+            if shows and report.loss is not None
+        ],
+    }
+    findings = find_faults(
+        MarkerEvidence(**about, corners=corners, grids=grids)
+        if identified is None
+        else GridEvidence(**about, identified=identified)
+    )
+    _refuse(findings, named=len(corners.pixel) > 0)
+    if not len(corners.pixel):
+        raise _explain_no_checkerboard(found)
+    return Detection(
+        corners=corners.only_seen()[0],
+        photos=tuple(reports),
+        findings=tuple(findings),
+        other_colours=identified is not None and identified.other_colours,
+    )
+
+
+def _refuse(findings: Sequence[Finding], *, named: bool) -> None:
+    """Refuse corners that would have the names of others; or none, where that is explained."""
+    for finding in findings:
+        if finding.severity is Severity.BAD and finding.code in _REFUSED:
+            raise _make_error(finding)
+        if finding.severity is not Severity.NOTE and not named:
+            raise DetectionError(_NOT_NAMED, do=finding.line)
+
+
+def _is_showing_boards(detected: PhotoDetection) -> bool:
+    """Whether a photo shows squares in rows, and so many that they are likely a board's."""
+    if detected.marked is not None and len(detected.marked) >= FEWEST_CORNERS:
+        return True
+    grids = () if detected.grids is None else detected.grids.grids
+    return any(len(grid) >= FEWEST_CORNERS for grid in grids)
+
+
+def _find_common_size(found: Sequence[PhotoDetection]) -> tuple[int, int] | None:
+    """The size that most photos have; of equally frequent ones the first."""
+    sizes = Counter(one.grids.image_size for one in found if one.grids is not None)
+    return sizes.most_common(1)[0][0] if sizes else None
+
+
+def _refuse_other_size(one: PhotoDetection, name: str, size: tuple[int, int]) -> PhotoDetection:
+    if one.grids is None or one.grids.image_size == size:
+        return one
+    width, height = one.grids.image_size
+    figures = {"width": width, "height": height, "most_width": size[0], "most_height": size[1]}
+    case = "turned" if (height, width) == size else ""
+    return PhotoDetection(grids=None, refusal=make_refusal(name, Code.OTHER_SIZE, case, **figures))
+
+
+def _report_twice_in_view(marked: MarkedCorners, name: str, target: Target) -> tuple[Finding, ...]:
+    twice = partial(Finding, code=Code.TWICE_IN_VIEW, severity=Severity.CARE, images=(name,))
+    return tuple(twice(boards=(target.boards[one].name,)) for one in marked.contradictory)
+
+
+def _make_error(finding: Finding) -> DetectionError:
+    return DetectionError(finding.why, do=finding.do)
+
+
+def _explain_nothing_read(found: Sequence[PhotoDetection]) -> Finding:
+    if not found:
+        return Finding(code=Code.NO_PHOTO, severity=Severity.BAD)
+    first = next(one.refusal.line for one in found if one.refusal)
+    case = "none_usable" if len(found) == 1 else "several"
+    figures = {"first": first, "more": len(found) - 1}
+    return Finding(code=Code.NO_PHOTO, case=case, severity=Severity.BAD, figures=figures)
+
+
+def _explain_no_checkerboard(found: Sequence[PhotoDetection]) -> DetectionError:
+    """Why no photo shows anything: what most of them say."""
+    refusals = [one.refusal for one in found if one.refusal]
+    kinds = Counter((refusal.code, refusal.case) for refusal in refusals)
+    most = max(refusals, key=lambda refusal: kinds[refusal.code, refusal.case])
+    cases = [f"{most.case}_all", "all"] if most.case else ["all"]
+    for case in cases:
+        if words().has(most.code, case):
+            figures = {**most.figures, "photos": len(found)}
+            return DetectionError(replace(most, case=case, figures=figures).line)
+    return DetectionError(f"{plural(len(found), 'photo')}, no checkerboard: {most.line}")
+
+
+def drawings(folder: Path, photos: Sequence[Photo]) -> dict[str, Path]:
+    """Where the drawing of each photo goes, by the photo's name.
+
+    The photo's suffix is left out, unless two drawings would then have one name or a drawing
+    would replace a photo.
+
+    Raises:
+        OutputError: a drawing would replace a photo whatever it is called.
+
+    """
+    taken = {os.path.realpath(photo.path) for photo in photos}
+    full = [photo.name for photo in photos]
+    short = [PurePath(name).with_suffix("").as_posix() for name in full]
+    for names in (short, full):
+        paths = [folder / f"{name}.png" for name in names]
+        # File systems may not tell a from A.
+        apart = names is full or len({name.casefold() for name in names}) == len(names)
+        refuse_outside(folder, paths)
+        if apart and taken.isdisjoint(map(os.path.realpath, paths)):
+            return dict(zip(full, paths, strict=True))
+    raise OutputError(f"drawings in {folder} would replace photos: choose another folder")

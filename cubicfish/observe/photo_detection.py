@@ -1,0 +1,233 @@
+"""Detection in one photo: its grids and markers, or why there are none.
+
+Grids of photos that were searched before are remembered, so that unchanged photos are not searched
+again. An entry is named by the SHA-256 of the photo's bytes and by what searches: the version of
+the package and of its finder's source. What the photo shows does not depend on its name or place.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cache, lru_cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cubicfish import __version__
+from cubicfish.errors import OutputError, PhotoError
+from cubicfish.files.whole_files import whole_file
+from cubicfish.find import demosaic as mosaic
+from cubicfish.find import detection
+from cubicfish.find.detection.diagnose import explain_no_grids
+from cubicfish.find.detection.finder import find_grids
+from cubicfish.find.detection.grids import FoundGrids, Grid, round_pixels
+from cubicfish.find.detection.ladder import MOST_PIXELS
+from cubicfish.judge.codes import Code, Severity
+from cubicfish.judge.finding import Finding
+from cubicfish.photos import photos
+from cubicfish.photos.photos import Photo, Picture, decode_picture, grey, read_file
+from cubicfish.target.target import Target
+
+if TYPE_CHECKING:
+    from cubicfish.find.detection.markers import MarkedCorners
+
+_OF_GRID = [field.name for field in fields(Grid)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridCache:
+    """A folder with one file per photo.
+
+    Attributes:
+        folder: where the entries are; made when the first is written. None keeps nothing.
+
+    """
+
+    folder: Path | None = None
+
+    def key(self, data: bytes, boards: Sequence[tuple[int, int]]) -> str:
+        """Name of the entry of a photo with these bytes, searched for boards of such sizes."""
+        if self.folder is None:
+            return ""
+        sizes = hashlib.sha256(repr(sorted(map(sorted, boards))).encode()).hexdigest()[:8]
+        return f"{hashlib.sha256(data).hexdigest()[:32]}-{sizes}-{_hash_sources()}"
+
+    def load(self, key: str) -> FoundGrids | None:
+        """The entry, or None where there is none or it is damaged."""
+        if self.folder is None:
+            return None
+        try:
+            path = self.folder / f"{key}.npz"
+            if not path.is_file():  # a pipe would be waited for
+                return None
+            # Through memory: numpy leaves a damaged file open.
+            data = io.BytesIO(path.read_bytes())
+            with np.load(data, allow_pickle=False) as entry:
+                if str(entry["key"]) != key:  # another photo's, under a name that is not its own
+                    return None
+                count = int(entry["count"])
+                width, height = (int(side) for side in entry["image_size"])
+                return FoundGrids(
+                    grids=tuple(
+                        Grid(**{name: entry[f"{name}_{index}"][()] for name in _OF_GRID})
+                        for index in range(count)
+                    ),
+                    refused=entry["refused"],
+                    image_size=(width, height),
+                )
+        except Exception:  # whatever an entry raises that is missing, cut short or overwritten
+            return None
+
+    def keep(self, key: str, found: FoundGrids) -> FoundGrids:
+        """Save what was found, without the digits that differ from one process to another."""
+        grids = tuple(replace(one, pixel=round_pixels(one.pixel)) for one in found.grids)
+        found = replace(found, grids=grids)
+        self.save(key, found)
+        return found
+
+    def save(self, key: str, found: FoundGrids) -> None:
+        """Write an entry; a cache that cannot be written is no cache, and no error."""
+        if self.folder is None:
+            return
+        parts = {
+            f"{name}_{index}": getattr(grid, name)
+            for index, grid in enumerate(found.grids)
+            for name in _OF_GRID
+        }
+        try:
+            with whole_file(self.folder / f"{key}.npz", overwrite=True) as temporary:
+                np.savez_compressed(
+                    temporary,
+                    key=key,
+                    count=len(found.grids),
+                    refused=found.refused,
+                    image_size=np.array(found.image_size),
+                    allow_pickle=False,
+                    **parts,
+                )
+        except OutputError:
+            return
+
+
+@cache
+def _hash_sources() -> str:
+    """The package's version and a hash of the source that reads pictures and finds grids."""
+    digest = hashlib.sha256(__version__.encode())
+    finding = sorted(Path(str(detection.__file__)).parent.glob("*.py"))
+    reading = [Path(str(module.__file__)) for module in (photos, mosaic)]
+    for path in (Path(__file__), *reading, *finding):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PhotoDetection:
+    """What was detected in a photo.
+
+    Attributes:
+        grids: its grids; None where it is of no use.
+        refusal: why nothing was searched for, or found, in it.
+        marked: the corners that its markers name, where the target has any.
+
+    """
+
+    grids: FoundGrids | None
+    refusal: Finding | None = None
+    marked: MarkedCorners | None = None
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no corner was found: none that markers name, where the target has any."""
+        named = self.marked
+        return not (len(named) if named is not None else self.grids and self.grids.grids)
+
+
+def detect_in_photo(
+    photo: Photo, *, target: Target | None, cache: GridCache | None
+) -> PhotoDetection:
+    """Read a photo and search it.
+
+    Args:
+        photo: the photo.
+        target: the calibration target; None where nobody says which it is, and nobody asks why
+            there is none.
+        cache: what was found in photos that were searched before; None searches it.
+
+    """
+    try:
+        data = read_file(photo.path) if photo.picture is None else b""
+        picture = lru_cache(maxsize=1)(partial(_read_picture, photo, data))
+        if target is not None and target.has_only_markers:
+            # Markers say where their boards are: nothing else is searched for squares.
+            detected = _detect_markers(picture, target, None)
+            if not detected.is_empty:
+                return detected
+        # What is in memory has no bytes to know it by.
+        cache = cache if cache and data else GridCache()
+        boards = _list_boards(target)
+        key = cache.key(data, boards)
+        grids = cache.load(key) or cache.keep(key, find_grids(picture(), boards))
+    except PhotoError as error:
+        why = make_refusal(photo.name, Code.CANNOT_BE_READ, problem=str(error))
+        return PhotoDetection(grids=None, refusal=why)
+    if target is None:
+        return PhotoDetection(grids=grids)
+    detected = _detect_markers(picture, target, grids)
+    width, height = grids.image_size
+    if detected.is_empty and target.has_markers and 4 * width * height <= MOST_PIXELS:
+        detected = _look_closely(picture, target, grids) or detected
+    if detected.is_empty and target.has_markers and grids.grids:
+        return replace(detected, refusal=make_refusal(photo.name, Code.NO_MARKERS))
+    if detected.is_empty:
+        why = explain_no_grids(picture(), grids)
+        return replace(detected, refusal=replace(why, severity=Severity.CARE, images=(photo.name,)))
+    return detected
+
+
+def _list_boards(target: Target | None) -> list[tuple[int, int]]:
+    """(Columns, rows) of the boards that show as grids of squares."""
+    boards = () if target is None else target.boards
+    return [(board.columns, board.rows) for board in boards if board.has_squares]
+
+
+def _read_picture(photo: Photo, data: bytes) -> Picture:
+    return grey(decode_picture(photo.path, data)) if data else photo.read_grey()
+
+
+def make_refusal(name: str, code: Code, case: str = "", **figures: int | str) -> Finding:
+    """Why a photo is of no use."""
+    return Finding(code=code, case=case, severity=Severity.CARE, images=(name,), figures=figures)
+
+
+def _look_closely(
+    picture: Callable[[], Picture], target: Target, grids: FoundGrids
+) -> PhotoDetection | None:
+    """What markers at twice a photo's size name, if anything."""
+    for known in (None, grids) if target.has_only_markers else (grids,):
+        closer = _detect_markers(picture, target, known, closely=True)
+        if not closer.is_empty:
+            return closer
+    return None
+
+
+def _detect_markers(
+    picture: Callable[[], Picture],
+    target: Target,
+    grids: FoundGrids | None,
+    *,
+    closely: bool = False,
+) -> PhotoDetection:
+    if not target.has_markers:
+        return PhotoDetection(grids=grids)
+    from cubicfish.find.detection.markers import find_marked_corners  # for them alone
+
+    marked = find_marked_corners(picture(), target, grids, closely=closely)
+    marked = replace(marked, pixel=round_pixels(marked.pixel))
+    if grids is None:
+        height, width = picture().shape
+        grids = FoundGrids.not_searched((width, height))
+    return PhotoDetection(grids=grids, marked=marked)

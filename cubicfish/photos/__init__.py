@@ -1,0 +1,1 @@
+"""Which photos are meant, and reading them."""

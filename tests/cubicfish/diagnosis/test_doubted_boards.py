@@ -1,0 +1,54 @@
+"""What a target was fitted to be, and no paper, plate or wall is."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import synthetic
+
+from cubicfish.diagnosis.diagnose import HYPOTHESES
+from cubicfish.diagnosis.wrong_nominal import doubted_boards
+from cubicfish.judge.codes import Code, Severity
+from cubicfish.judge.finding import Finding
+from cubicfish.judge.fit_record import Departure
+
+TARGET = synthetic.corner_of_three()
+NOMINAL = {
+    "bend": (0.0, 0.0), "twist": 0.0, "stretch": (0.0, 0.0),
+    "shift": 0.0, "turn_deg": 0.0, "offset_rms": 0.0,
+}  # fmt: skip
+
+
+def doubts(**departs: Any) -> list[Finding]:
+    departure = Departure(board="left", **{**NOMINAL, **departs})
+    seen: Any = SimpleNamespace(target=TARGET, departures=[departure])
+    return doubted_boards(seen)
+
+
+@pytest.mark.parametrize(
+    ("departs", "usual", "code", "said"),
+    [
+        ({"bend": (0.0, -30.0)}, {"bend": (0.5, 0.5)}, Code.BENT, "bent by 30 mm"),
+        ({"twist": 30.0}, {"twist": 0.5}, Code.BENT, "bent by 30 mm"),
+        ({"stretch": (0.0, -0.04)}, {"stretch": (0.01, 0.01)}, Code.STRETCHED, "by -4.0 %"),
+        ({"shift": 30.0}, {"shift": 1.0}, Code.MOVED, "30 mm and 0.0° off its place"),
+        ({"turn_deg": 3.0}, {"turn_deg": 1.0}, Code.MOVED, "0 mm and 3.0° off its place"),
+        ({"offset_rms": 2.0}, {"offset_rms": 0.1}, Code.CORNERS_OFF, "off by 2 mm"),
+    ],
+)
+def test_a_board_is_doubted_beyond_what_prints_and_plates_are(
+    departs: dict[str, Any], usual: dict[str, Any], code: Code, said: str
+) -> None:
+    (found,) = doubts(**departs)
+    assert (found.code, found.severity, found.boards) == (code, Severity.CARE, ("left",))
+    assert "board left seem" in found.what
+    assert said in found.what
+    assert doubts(**usual) == []
+
+
+def test_what_is_put_down_to_one_fault_is_not_doubted_of_every_board() -> None:
+    (own,) = [one for one in HYPOTHESES if one.explain is doubted_boards]
+    note, place, zoom = (Finding(code=code) for code in (Code.REPEATS, Code.BOARD_PLACE, Code.ZOOM))
+    assert own.applies(None, [note])
+    assert not own.applies(None, [note, place])
+    assert not own.applies(None, [zoom])
