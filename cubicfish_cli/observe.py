@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish.errors import CorrespondenceError
 from cubicfish.files.fingerprint import Fingerprint, fingerprint
-from cubicfish.find.identification.identified import Detection, line_of
+from cubicfish.find.identification.identified import Detection
 from cubicfish.io.corners_csv import load_corners, load_correspondences
 from cubicfish.judge.finding import Finding
 from cubicfish.listener import Event
@@ -21,6 +21,8 @@ from cubicfish.target.target import target_text
 from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import holds_world_points, is_recording, named_photos, tables_among
 from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.words.remarks import line_of
+from cubicfish_cli.words.sentences import record_of
 
 if TYPE_CHECKING:
     from cubicfish.fit.calibration import Calibration
@@ -81,7 +83,7 @@ class Inputs:
         found = self.photo_findings
         return {
             "photo_problems": None if self.detection is None else list(map(line_of, found)),
-            "remarks": [one.as_record() for one in (*found, *more)],
+            "remarks": [record_of(one) for one in (*found, *more)],
         }
 
 

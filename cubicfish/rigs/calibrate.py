@@ -156,7 +156,7 @@ def calibrate_rig(
         start = start_rig(names, joined)
     except FitError as error:
         bad = [one for camera in singly for one in camera.findings if one.severity is Severity.BAD]
-        raise FitError(f"{error}; {bad[0].line}" if bad else str(error)) from error
+        raise FitError(error.what, do=error.do, findings=bad) from error
     joined = replace(joined, lens=replace(joined.lens, places=start.places))
     joined, poses = joined.set_apart(start.shots, np.flatnonzero(start.apart))
     units, pairs = None if target is None else target.units, joined.pairs

@@ -153,7 +153,7 @@ def evaluate_rig(
         try:
             alone.append(evaluate(camera.camera, select(own, rows)[0]))
         except FitError as error:
-            raise FitError(f"camera {camera.name}: {error}") from error
+            raise error.amid(f"camera {camera.name}: ") from error
     joined = JoinedViews.of_cameras(
         [FixedLens(camera=camera.camera) for camera in known],
         alone,

@@ -16,7 +16,7 @@ from cubicfish.fit.lenses import CubicFit
 from cubicfish.fit.model_selection import RefineTarget
 from cubicfish.fit.radial_reference import radial_near
 from cubicfish.io.camera_yaml import Calibrated
-from cubicfish.judge.finding import Finding, FindingText
+from cubicfish.judge.finding import Finding
 from cubicfish.judge.fit_record import FitRecord
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.rigs.rig import half_field_deg
@@ -114,7 +114,7 @@ def calibrate_alone(
             )
             own, record, pairs, poses = found.camera, found.fit, found.pairs, found.poses
     except FitError as error:
-        raise FitError(f"camera {name}: {error}") from error
+        raise error.amid(f"camera {name}: ") from error
     pairs = with_mean_weight_one(pairs.with_world((pairs.world - origin) / scale))
     poses = poses.of_world(-origin).scaled(1 / scale)
     own = (own if target is None else own.in_units(target.units)).scaled(1 / scale)
@@ -146,10 +146,7 @@ def calibrate_alone(
 
 def _report_camera(name: str, finding: Finding) -> Finding:
     """What is found of one camera alone, as a finding of several together."""
-    text = FindingText(
-        f"camera {name}: {finding.what}", finding.evidence, finding.do, finding.remedy
-    )
-    return replace(finding, case="", because="", recorded=text, cameras=(name,))
+    return replace(finding, cameras=(name,))
 
 
 def _fix_denominators(lens: CubicFit) -> CubicFit:

@@ -12,9 +12,8 @@ from cubicfish.angles import angle_from_axis, azimuth
 from cubicfish.fit.coverage import FieldCells, field_cells
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
-from cubicfish.judge.fit_record import FitRecord
 from cubicfish.judge.uncertainty import FieldUncertainty, of_size
-from cubicfish.judge.verdict import Verdict, verdict
+from cubicfish.judge.verdict import Verdict
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.target.observations import Observations
 from cubicfish.types import FloatArray, IntArray
@@ -22,7 +21,6 @@ from cubicfish.types import FloatArray, IntArray
 GOAL_PX = 0.2
 """What proposals aim at over the field, for photos of up to 2000 pixels per side;
 larger ones in proportion."""
-_PARTS = 2
 # The middle, which has no sides, reaches so far; of the rest the outer ring has this share.
 _MIDDLE_FIELD_DEG = 20.0
 _OUTER_RING = 0.4
@@ -143,31 +141,9 @@ def explain_insufficiency(
     """
     reasons = [one for one in judged.reasons if one.asks_for_photos]
     if judged.level == "bad" and judged.reasons[0] not in reasons:
-        first = judged.reasons[0]
-        texts = {"against": first.why, "mend": first.do}
-        reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=texts))
+        first = {"reason": judged.reasons[0]}
+        reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=first))
     if goal is not None and now is not None and now.p95_px > goal:
         figures = {"p95_px": now.p95_px, "goal_px": goal}
         reasons.append(Finding(code=Code.NOT_CERTAIN, severity=Severity.CARE, figures=figures))
     return reasons
-
-
-def summary(camera: CubicCamera, fit: FitRecord, pairs: Observations) -> str:
-    """Return whether more photos are needed, and of which parts of the picture, in one line.
-
-    Args:
-        camera: a calibrated camera.
-        fit: its record.
-        pairs: the pairs that it was fitted to.
-
-    """
-    gaps, now = find_coverage_gaps(camera, pairs), fit.uncertainty.field
-    reasons = explain_insufficiency(verdict(fit, camera.image_size, camera.outline()))
-    if not reasons:
-        known = f", and 95 % of it is certain to {now.p95_px:.3f} px" if now else ""
-        return f"enough photos: corners cover {100 * gaps.cells.coverage:.0f} % of the field{known}"
-    if reasons[0].code is Code.NOT_TRUSTED:
-        return f"heed the verdict first: {reasons[0].figures['mend']}"
-    where = "; ".join(part.words for part in gaps.parts[:_PARTS])
-    next_ones = f"show the target next at: {where}" if where else f"more photos: {reasons[0].what}"
-    return f"{next_ones} ('cubicfish advise' says from where)"

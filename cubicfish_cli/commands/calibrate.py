@@ -42,6 +42,7 @@ from cubicfish_cli.terminal.terminal import (
     result,
 )
 from cubicfish_cli.words.phrases import counted
+from cubicfish_cli.words.sentences import render, with_texts
 
 if TYPE_CHECKING:
     from cubicfish.fit.calibration import Calibration
@@ -174,13 +175,15 @@ class CalibratedFiles:
 
     def as_record(self) -> dict[str, Any]:
         """Return plain data: what ``cubicfish calibrate --json`` prints."""
+        from cubicfish_cli.words.camera import verdict_record
+
         return {
             **self.fitted.as_record(),
             **self.inputs.remarks(self.fitted.unfit.values()),
             **({} if self.advice is None else {"advice": self.advice}),
             "summary": self.fitted.line,
             "chosen": self.fitted.made_by.get("chosen"),
-            "verdict": self.fitted.verdict.as_record(),
+            "verdict": verdict_record(self.fitted.verdict),
             "report": self.files.get("report"),
             "files": self.files,
             "model": self.files["camera"],
@@ -209,8 +212,8 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
         raise UsageError("--most goes with photos and films, not with CSV files")
     made_at()  # an unusable date is an error before the work, not after
     from cubicfish.fit.calibration import Calibration
-    from cubicfish.sufficiency.sufficiency import summary
     from cubicfish_cli.observe import load_inputs, recorded_as
+    from cubicfish_cli.words.camera import next_photos
 
     read = [path for path in (*paths, source.path, pairs) if path is not None]
     more = {kind: made for one in extensions() for kind, made in one.outputs.items()}
@@ -265,7 +268,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
         made_by["chosen"] = chosen
     if nominal is not None:
         made_by["target"] = recorded_as(nominal, goals["drawn"])
-    fitted = replace(fitted, made_by=made_by)
+    fitted = replace(fitted, fit=with_texts(fitted.fit), made_by=made_by)
     contents = _make_contents(fitted, loaded.corners if with_corners else None, nominal)
     if contents.get("map") is None and options.lift == "ray":
         width, height = fitted.camera.image_size
@@ -284,7 +287,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
     )
     advice = None
     if isinstance(fitted, Calibration):
-        advice = summary(fitted.camera, fitted.fit, fitted.pairs)
+        advice = next_photos(fitted.camera, fitted.fit, fitted.pairs)
     return CalibratedFiles(
         fitted=fitted,
         inputs=loaded,
@@ -405,7 +408,7 @@ def _report_findings(fit: FitRecord) -> None:
         place = f"{one.image} {one.board} column {one.column} row {one.row}"
         detail(f"dropped: {place}: {one.error_px:.1f} px off")
     for finding in fit.findings:
-        print_message(f"{figures.mark_of(finding)}: {finding.line}")
+        print_message(f"{figures.mark_of(finding)}: {render(finding).line}")
 
 
 def _print_calibration(made: CalibratedFiles) -> None:
@@ -507,7 +510,7 @@ def print_next_steps(
     """
     lines = []
     if judged.level == "bad":
-        lines.append(judged.reasons[0].do)
+        lines.append(render(judged.reasons[0]).do)
         if judged.reasons[0].asks_for_photos:
             lines.append(f"cubicfish advise{_name_folder(camera)}")
     else:

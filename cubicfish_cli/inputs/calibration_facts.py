@@ -27,14 +27,13 @@ from cubicfish.photos.photos import find_photos
 from cubicfish.solve.poses import rotation_from_vector
 from cubicfish.solve.statistics import rms_px
 from cubicfish.solve.subset import select
-from cubicfish.sufficiency.sufficiency import summary
 from cubicfish.target.observations import Observations
 from cubicfish.target.placement import best_named
 from cubicfish.target.target import Target
 from cubicfish.types import BoolArray, FloatArray
 from cubicfish.wording import quoted
 from cubicfish_cli.inputs.target_source import target_in
-from cubicfish_cli.words.camera import photo_words
+from cubicfish_cli.words.camera import next_photos, photo_words
 
 if TYPE_CHECKING:
     from cubicfish.models.point import PointCamera
@@ -192,7 +191,7 @@ def gather(
         files=files,
         digests=digests or {},
         absent=tuple(lines),
-        advice=summary(camera, fit, errors.pairs)
+        advice=next_photos(camera, fit, errors.pairs)
         if errors is not None and isinstance(camera, CubicCamera)
         else None,
     )

@@ -31,6 +31,7 @@ from cubicfish_cli.extensions.advice.knowledge import (
 )
 from cubicfish_cli.extensions.advice.proposals import Proposal, proposed
 from cubicfish_cli.viewpoints.views import Distances, Viewpoint, WholeLens, sample_views
+from cubicfish_cli.words.sentences import record_of, render
 
 PROPOSALS = 3
 # Photos so far show where this camera is in focus and the target is in view: proposals lie between
@@ -82,8 +83,8 @@ class Advice:
         """Return plain data for JSON."""
         return {
             "enough": self.enough,
-            "reasons": [reason.line for reason in self.reasons],
-            "findings": [reason.as_record() for reason in self.reasons],
+            "reasons": [render(reason).line for reason in self.reasons],
+            "findings": [record_of(reason) for reason in self.reasons],
             "photos": len(self.pairs.images),
             "photos_needed": self.photos_needed,
             "goal_px": self.goal_px,
@@ -92,8 +93,8 @@ class Advice:
             "coverage": self.gaps.cells.coverage,
             "empty": [part.as_record() for part in self.gaps.parts],
             "proposals": [proposal.as_record() for proposal in self.proposals],
-            "notes": [note.line for note in self.notes],
-            "remarks": [note.as_record() for note in self.notes],
+            "notes": [render(note).line for note in self.notes],
+            "remarks": [record_of(note) for note in self.notes],
         }
 
 

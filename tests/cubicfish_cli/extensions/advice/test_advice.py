@@ -29,13 +29,14 @@ from cubicfish.sufficiency.sufficiency import (
     explain_insufficiency,
     find_coverage_gaps,
     side_of,
-    summary,
 )
 from cubicfish.target.target import Target
 from cubicfish_cli.extensions.advice.advise import advise, distances_within
 from cubicfish_cli.extensions.advice.knowledge import know, limited_lens, recorded_poses
 from cubicfish_cli.extensions.advice.proposals import place_words, tilt_words
 from cubicfish_cli.viewpoints.views import Distances, sample_views, view_from
+from cubicfish_cli.words.camera import next_photos
+from cubicfish_cli.words.sentences import render
 
 TARGET = corner_of_three()
 NOISE = 0.1
@@ -299,24 +300,24 @@ def test_a_good_calibration_is_enough(fitted):
     said = advise(fitted.camera, fitted.fit, fitted.pairs, TARGET)
     assert said.enough
     assert (said.proposals, said.reasons, said.photos_needed) == ((), (), 0)
-    line = summary(fitted.camera, fitted.fit, fitted.pairs)
+    line = next_photos(fitted.camera, fitted.fit, fitted.pairs)
     assert line.startswith("enough photos: corners cover")
     # Where the verdict asks for photos, nothing says that there are enough.
     overfit = replace(fitted.fit, rms_px=0.15, held_out_rms_px=0.3)
-    assert "enough" not in summary(fitted.camera, overfit, fitted.pairs)
+    assert "enough" not in next_photos(fitted.camera, overfit, fitted.pairs)
     options = advise(fitted.camera, overfit, fitted.pairs, TARGET, proposals=1)
     assert [reason.code for reason in options.reasons] == [Code.OVERFITTED]
     # Least of all where the camera is not to be trusted.
     wrong = replace(fitted.fit, held_out_rms_px=9 * fitted.fit.rms_px + 1)
-    assert "enough" not in summary(fitted.camera, wrong, fitted.pairs)
+    assert "enough" not in next_photos(fitted.camera, wrong, fitted.pairs)
     doubted = advise(fitted.camera, wrong, fitted.pairs, TARGET, proposals=1)
     assert not doubted.enough
-    assert doubted.reasons[0].code is Code.NOT_TRUSTED
+    assert doubted.reasons[0].code == Code.NOT_TRUSTED
     assert "Enough" in drawn(said)
 
 
 def test_the_summary_names_the_gap(poor):
-    said = summary(poor.camera, poor.fit, poor.pairs)
+    said = next_photos(poor.camera, poor.fit, poor.pairs)
     assert said.startswith("show the target next at: ")
     assert "° from the axis" in said
     assert "\n" not in said
@@ -353,7 +354,7 @@ def test_pairs_without_a_target_get_regions_only(poor):
     assert "Put" not in drawn(said)
     blind = advise(poor.camera, FitRecord(), poor.pairs, TARGET)
     assert (blind.now, blind.proposals) == (None, ())
-    assert blind.notes[0].code is Code.NO_POSES
+    assert blind.notes[0].code == Code.NO_POSES
 
 
 FINE = {
@@ -385,9 +386,8 @@ def test_verdict_and_advice_judge_alike_whether_photos_are_enough(changed, lacki
 def test_more_than_a_good_camera_may_be_asked_for():
     now, good = FieldUncertainty(median_px=0.05, p95_px=0.1), verdict(FitRecord(**FINE), IMAGE_SIZE)
     assert explain_insufficiency(good, now, 0.2) == []
-    assert (
-        "certain only to 0.100 px, where 0.05 px" in explain_insufficiency(good, now, 0.05)[0].line
-    )
+    (reason,) = explain_insufficiency(good, now, 0.05)
+    assert "certain only to 0.100 px, where 0.05 px" in render(reason).line
     assert summed(np.arange(101.0)) == FieldUncertainty(median_px=50.0, p95_px=95.0)
 
 
