@@ -114,7 +114,7 @@ class Extension:
         inputs: what a camera may be calibrated from beside photos.
         formats: a file of :class:`CameraFormat` by their names, in which other tools keep cameras.
         outputs: what ``--report`` adds to a calibration: kind -> what it is.
-        words: a file of its sentences, as words/catalogue.toml has them.
+        words: ``module:WORDS``, the functions that write its sentences.
 
     """
 
@@ -122,7 +122,7 @@ class Extension:
     inputs: Sequence[Input] = ()
     formats: Path | None = None
     outputs: Mapping[str, Output] = field(default_factory=dict)
-    words: Path | None = None
+    words: str | None = None
 
 
 @cache

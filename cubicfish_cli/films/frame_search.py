@@ -28,7 +28,6 @@ from cubicfish.find.identification.quick_detect import (
 )
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
-from cubicfish.listener import Event
 from cubicfish.observe.detection import first_pass
 from cubicfish.observe.photo_detection import GridCache, detect_in_photo
 from cubicfish.photos.photos import Photo
@@ -41,7 +40,7 @@ from cubicfish.workers.pool import Work
 from cubicfish_cli.films.choose import FEWEST, Choice, Patch, Seen, choose
 from cubicfish_cli.films.measure import sharpness
 from cubicfish_cli.films.scan import still_px
-from cubicfish_cli.words.sentences import render_event
+from cubicfish_cli.words.events import why_ended
 
 # Where fewer of the pictures show the target, they do not tell which pictures are good.
 _FEW, _FEW_SHARE = 3, 0.5
@@ -410,13 +409,8 @@ def choose_photos(
         quick_jobs=run.jobs,
     )
     search.search(range(len(usual)), ())
-    return [usual[at] for at in sorted(search.choice.order)], why_ended(search.choice, "photo")
-
-
-def why_ended(choice: Choice, what: str) -> str:
-    """Return why no more pictures were chosen, in a sentence; ``what`` they are."""
-    figures = {"chosen": len(choice.order), "what": what}
-    return render_event(Event(f"chosen_{choice.ended}"), figures)
+    order = search.choice.order
+    return [usual[at] for at in sorted(order)], why_ended(search.choice.ended, len(order), "photo")
 
 
 def _measure_photo(photo: Photo) -> tuple[tuple[int, int], float] | None:
