@@ -41,3 +41,7 @@ the frames of two cameras), `evaluate.py` (a known camera on other photos) and `
 `fit_lens.py` (any lens through given pixels). The fit of the paper's own lift is
 `foreign/point_fit.py`.
 """
+
+from cubicfish.lazy import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__)

@@ -8,3 +8,7 @@ paper's own lift, has no rays at all; its fit is `foreign/point_fit.py`. What th
 is a `FitLens` (`solve/fit_lens.py`): a `FreeLens` of any `Lens`, or with priors `BentFit` and
 `CubicFit`.
 """
+
+from cubicfish.lazy import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__)

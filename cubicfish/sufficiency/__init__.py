@@ -4,3 +4,7 @@
 photographer would, and sums both up in a line (`summary`). `information_gain.py` works out the
 information gain of each of many photos before a camera is fitted.
 """
+
+from cubicfish.lazy import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__)

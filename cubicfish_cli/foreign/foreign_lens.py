@@ -14,10 +14,10 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish import CubicCamera, FloatArray
 from cubicfish.angles import angle_from_axis, unit_rays
-from cubicfish.models.cubic import UNPROJECT_TOLERANCE_PX, CubicCamera
-from cubicfish.models.lens import Lens
-from cubicfish.models.radial import RadialCamera
+from cubicfish.models import Lens, RadialCamera
+from cubicfish.models.cubic import UNPROJECT_TOLERANCE_PX
 from cubicfish.models.sphere import (
     PixelAndSlope,
     cone_rays,
@@ -26,7 +26,6 @@ from cubicfish.models.sphere import (
     tangent_basis,
 )
 from cubicfish.solve.fit_lens import nearest_lens
-from cubicfish.types import FloatArray
 
 FIXED: Mapping[str, Any] = {"fixed": True}
 """Metadata of a field that is no parameter of a fit."""

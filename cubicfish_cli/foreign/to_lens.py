@@ -7,16 +7,13 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from cubicfish import CubicCamera, FitError, FloatArray
 from cubicfish.angles import angle_from_axis
 from cubicfish.comparison import pixel_grid, rings
-from cubicfish.errors import FitError
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.models.lens import Lens
-from cubicfish.models.radial import RadialCamera
+from cubicfish.models import Lens, RadialCamera
 from cubicfish.solve.fit_lens import FreeLens, nearest_lens
 from cubicfish.solve.poses import cross_matrix
 from cubicfish.solve.statistics import rms_px
-from cubicfish.types import FloatArray
 from cubicfish_cli.foreign.foreign_lens import ForeignLens
 
 _FIT_PIXELS = 6_000

@@ -5,12 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish import CubicCamera, Finding, FloatArray, Observations, Target
+from cubicfish.judge import FitRecord
 from cubicfish.judge.codes import Code
-from cubicfish.judge.finding import Finding
-from cubicfish.judge.fit_record import FitRecord
 from cubicfish.judge.uncertainty import FieldUncertainty
 from cubicfish.judge.verdict import FEW_OF_A_PLANE, FEW_PHOTOS, verdict
-from cubicfish.models.cubic import CubicCamera
 from cubicfish.solve.poses import Poses
 from cubicfish.sufficiency.sufficiency import (
     CoverageGaps,
@@ -18,10 +17,7 @@ from cubicfish.sufficiency.sufficiency import (
     explain_insufficiency,
     find_coverage_gaps,
 )
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target
 from cubicfish.threads import one_blas_thread
-from cubicfish.types import FloatArray
 from cubicfish_cli.extensions.advice.knowledge import (
     Knowledge,
     field_rays,

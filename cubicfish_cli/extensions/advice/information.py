@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cubicfish import FloatArray
 from cubicfish.fit.uncertainty import Gauge, Uncertainty, covariance
 from cubicfish.judge.uncertainty import FieldUncertainty, summed
 from cubicfish.solve.poses import cross_matrix
-from cubicfish.types import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

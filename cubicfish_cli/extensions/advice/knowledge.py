@@ -10,20 +10,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish import CubicCamera, FloatArray, Observations, Target
 from cubicfish.angles import angle_from_axis
 from cubicfish.fit.cubic_fit import EXPECTED, PriorChoice, fit_cubic
 from cubicfish.fit.radial_reference import LOST_PX, radial_near
 from cubicfish.fit.uncertainty import common_gauge, corner_noise_px, field_grid
-from cubicfish.judge.fit_record import FitRecord
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.models.radial import RadialCamera
+from cubicfish.judge import FitRecord
+from cubicfish.models import RadialCamera
 from cubicfish.solve.deformable_target import DeformableTarget, NominalTarget
 from cubicfish.solve.poses import Poses, rotation_from_vector
 from cubicfish.solve.statistics import noise_px, weighed
 from cubicfish.solve.subset import middle, with_mean_weight_one, world_scale
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target
-from cubicfish.types import FloatArray
 from cubicfish_cli.extensions.advice.information import Information
 from cubicfish_cli.viewpoints.views import Viewpoint, WholeLens
 

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish import BoolArray, FloatArray
 from cubicfish.angles import angle_from_axis
 from cubicfish.fit.coverage import FieldCells
 from cubicfish.judge.uncertainty import FieldUncertainty
 from cubicfish.judge.verdict import COVERAGE
 from cubicfish.sufficiency.sufficiency import SIDES, side_of
-from cubicfish.types import BoolArray, FloatArray
 from cubicfish_cli.extensions.advice.knowledge import Knowledge
 from cubicfish_cli.viewpoints.views import Viewpoint
 

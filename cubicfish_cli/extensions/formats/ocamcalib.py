@@ -27,13 +27,11 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import Polynomial, chebyshev, polynomial
 
+from cubicfish import CameraFileError, CubicCamera, FloatArray
 from cubicfish.angles import angle_from_axis
-from cubicfish.errors import CameraFileError
-from cubicfish.files.reading import read_text
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.models.radial import RadialCamera
+from cubicfish.files import read_text
+from cubicfish.models import RadialCamera
 from cubicfish.solve.fit_lens import nearest_lens
-from cubicfish.types import FloatArray
 from cubicfish_cli.foreign.file_contents import PlacedLens, numbers, size
 from cubicfish_cli.foreign.foreign_lens import FIXED, ForeignLens
 

@@ -15,12 +15,14 @@ from synthetic import (
     synthetic_correspondences,
 )
 
+from cubicfish import Target
 from cubicfish.angles import angle_from_axis
 from cubicfish.comparison import aligned_difference
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.uncertainty import field_grid
+from cubicfish.judge import FitRecord
 from cubicfish.judge.codes import Code
-from cubicfish.judge.fit_record import ErrorStatistics, FitRecord
+from cubicfish.judge.fit_record import ErrorStatistics
 from cubicfish.judge.uncertainty import FieldUncertainty, UncertaintyGrid, summed
 from cubicfish.judge.verdict import COVERAGE, verdict
 from cubicfish.solve.poses import Poses
@@ -31,7 +33,6 @@ from cubicfish.sufficiency.sufficiency import (
     side_of,
     summary,
 )
-from cubicfish.target.target import Target
 from cubicfish_cli.extensions.advice.advise import advise, distances_within
 from cubicfish_cli.extensions.advice.knowledge import know, limited_lens, recorded_poses
 from cubicfish_cli.extensions.advice.proposals import place_words, tilt_words

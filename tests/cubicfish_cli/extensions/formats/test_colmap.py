@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from lenses import cubic_camera, radial_camera
 
-from cubicfish.errors import CameraFileError
-from cubicfish.models.radial import RadialCamera
+from cubicfish import CameraFileError
+from cubicfish.models import RadialCamera
 from cubicfish_cli.extensions.formats.colmap_cameras import (
     MODELS,
     RadTanThinPrismLens,
