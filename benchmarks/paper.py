@@ -16,9 +16,9 @@ import numpy.typing as npt
 
 from cubicfish.errors import FitError
 from cubicfish.fit.calibrate import calibrate
+from cubicfish.fit.point_fit import RatioFit, fit_ratio
 from cubicfish.models.lift import lift
 from cubicfish.target.observations import Observations
-from cubicfish_cli.foreign.point_fit import RatioFit, fit_ratio
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -46,12 +46,12 @@ from cubicfish_cli.words.phrases import counted
 if TYPE_CHECKING:
     from cubicfish.fit.calibration import Calibration
     from cubicfish.fit.model_selection import RefineTarget
+    from cubicfish.fit.point_fit import PointCalibration
     from cubicfish.judge.fit_record import FitRecord
     from cubicfish.judge.verdict import Verdict
     from cubicfish.models.cubic import CubicCamera
     from cubicfish.target.observations import Observations
     from cubicfish.target.target import Target
-    from cubicfish_cli.foreign.point_fit import PointCalibration
     from cubicfish_cli.observe import Inputs
 
 _LONGEST_TITLE = 100
@@ -248,7 +248,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
     how: dict[str, Any] = {"hold_out": options.hold_out}
     fitted: Calibration | PointCalibration
     if options.lift == "point":
-        from cubicfish_cli.foreign.point_fit import calibrate_points
+        from cubicfish.fit.point_fit import calibrate_points
 
         run.listener.progress("Fitting")
         fitted, how = calibrate_points(loaded.pairs, **how), {"lift": options.lift}

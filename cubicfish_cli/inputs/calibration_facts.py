@@ -37,8 +37,8 @@ from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.words.camera import photo_words
 
 if TYPE_CHECKING:
+    from cubicfish.fit.point_fit import PointCalibration
     from cubicfish.models.point import PointCamera
-    from cubicfish_cli.foreign.point_fit import PointCalibration
 
 REFINED = ("shape", "points")
 """What ``refine_target`` of a fit's record says where the target was fitted too."""

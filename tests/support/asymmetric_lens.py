@@ -22,9 +22,9 @@ from cubicfish.geometry import (
     kannala_brandt,
     kannala_brandt_slope,
 )
+from cubicfish.models.formula_lens import FIXED, FocalLens
 from cubicfish.models.radial import RadialCamera
 from cubicfish.types import FloatArray
-from cubicfish_cli.foreign.foreign_lens import FIXED, FocalLens
 
 _CHECKED_ANGLES = 4096
 _DECENTRING_ROUNDS = 8

@@ -22,6 +22,7 @@ from cubicfish.angles import angle_from_axis, columns
 from cubicfish.errors import CameraFileError
 from cubicfish.files.reading import read_bytes, read_text
 from cubicfish.geometry import decentring
+from cubicfish.models.formula_lens import FocalLens
 from cubicfish.models.lens import Lens
 from cubicfish.models.radial import RadialCamera
 from cubicfish.types import FloatArray
@@ -35,7 +36,6 @@ from cubicfish_cli.foreign.file_contents import (
     numbers,
     size,
 )
-from cubicfish_cli.foreign.foreign_lens import FocalLens
 
 # Profiles are searched for a fold in such steps.
 _STEP_RAD = np.deg2rad(0.05)

@@ -22,8 +22,8 @@ from cubicfish_cli.words import camera as in_words
 
 if TYPE_CHECKING:
     from cubicfish.fit.calibration import Calibration
+    from cubicfish.fit.point_fit import PointCalibration
     from cubicfish.target.observations import Observations
-    from cubicfish_cli.foreign.point_fit import PointCalibration
 
 _MOST_DROPPED = 200
 _MOST_ROWS = 5000
