@@ -208,9 +208,8 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
     if options.most is not None and (pairs is not None or tables_among(paths)):
         raise UsageError("--most goes with photos and films, not with CSV files")
     made_at()  # an unusable date is an error before the work, not after
-    from cubicfish.fit.calibration import Calibration
-    from cubicfish.sufficiency.sufficiency import summary
     from cubicfish_cli.observe import load_inputs, recorded_as
+    from cubicfish_cli.words.sufficiency import summary
 
     read = [path for path in (*paths, source.path, pairs) if path is not None]
     more = {kind: made for one in extensions() for kind, made in one.outputs.items()}
@@ -282,15 +281,12 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
         overwrite=run.overwrite,
         obsolete=obsolete if run.overwrite else (),
     )
-    advice = None
-    if isinstance(fitted, Calibration):
-        advice = summary(fitted.camera, fitted.fit, fitted.pairs)
     return CalibratedFiles(
         fitted=fitted,
         inputs=loaded,
         files=files,
         removed=[path for path in obsolete if not path.exists()],
-        advice=advice,
+        advice=summary(fitted, fitted.pairs),
     )
 
 
