@@ -15,7 +15,7 @@ from cubicfish.files.tables import csv_text
 from cubicfish.files.whole_files import Content, refuse_existing, write_files
 from cubicfish.listener import Event, Listener
 from cubicfish.photos.photos import Photo, read_grey
-from cubicfish.rigs.times import Moving
+from cubicfish.rigs.times import CornerMotion
 from cubicfish.run import Run
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
@@ -52,7 +52,9 @@ class ShotFrame:
     seconds: tuple[float, float]
 
 
-def moving_corners(frames: Sequence[ShotFrame], pairs: Observations, listener: Listener) -> Moving:
+def moving_corners(
+    frames: Sequence[ShotFrame], pairs: Observations, listener: Listener
+) -> CornerMotion:
     """How the corners move that were found in a camera's frames."""
     frame_of = {one.picture.name: one for one in frames}
     parts, progress = [], listener.counting(f"Measuring motion in {frames[0].camera}")
@@ -63,9 +65,9 @@ def moving_corners(frames: Sequence[ShotFrame], pairs: Observations, listener: L
         ways = [
             None if one is None else flow(picture, read_grey(one), pixel) for one in frame.beside
         ]
-        moving = Moving.between(ways[0], ways[1], frame.seconds)
+        moving = CornerMotion.between(ways[0], ways[1], frame.seconds)
         parts.append(replace(moving, late=np.full(len(pixel), frame.late)))
-    return Moving.joined(parts)
+    return CornerMotion.joined(parts)
 
 
 @contextmanager

@@ -25,9 +25,9 @@ from cubicfish.find.identification.second_pass import Prediction
 from cubicfish.fit import calibrate as fit
 from cubicfish.io.corners_csv import load_corners
 from cubicfish.observe import detection
+from cubicfish.rigs import alone
 from cubicfish.rigs import calibrate as rig_fit
 from cubicfish.rigs import evaluate as rig_evaluate
-from cubicfish.rigs import views
 from cubicfish.target.target import load_target
 from cubicfish.views.maps import camera_for_photos
 from cubicfish.workers import cluster, pool
@@ -391,7 +391,7 @@ def worked_out_once() -> Iterator[None]:
     """What most options do not change is worked out once: corners, their names, fits, poses."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fit, "calibrate", once(fit.calibrate))
-        patch.setattr(views, "calibrate", once(views.calibrate))
+        patch.setattr(alone, "calibrate", once(alone.calibrate))
         patch.setattr(rig_fit, "calibrate_rig", once(rig_fit.calibrate_rig))
         patch.setattr(rig_evaluate, "evaluate_rig", once(rig_evaluate.evaluate_rig))
         patch.setattr(exporting, "to_lens", once(exporting.to_lens))
