@@ -22,7 +22,7 @@ from cubicfish import (
 from cubicfish.files import Content, csv_text, refuse_existing, write_files
 from cubicfish.files.frame_names import frame_name
 from cubicfish.photos import Photo, read_grey
-from cubicfish.rigs.times import Moving
+from cubicfish.rigs.times import CornerMotion
 from cubicfish_cli.extensions.rigs.film_clocks import FilmMotion, match_films
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out
 from cubicfish_cli.films.choose import Seen, choose_shots
@@ -56,7 +56,9 @@ class ShotFrame:
     seconds: tuple[float, float]
 
 
-def moving_corners(frames: Sequence[ShotFrame], pairs: Observations, listener: Listener) -> Moving:
+def moving_corners(
+    frames: Sequence[ShotFrame], pairs: Observations, listener: Listener
+) -> CornerMotion:
     """How the corners move that were found in a camera's frames."""
     frame_of = {one.picture.name: one for one in frames}
     parts, progress = [], listener.counting(f"Measuring motion in {frames[0].camera}")
@@ -67,9 +69,9 @@ def moving_corners(frames: Sequence[ShotFrame], pairs: Observations, listener: L
         ways = [
             None if one is None else flow(picture, read_grey(one), pixel) for one in frame.beside
         ]
-        moving = Moving.between(ways[0], ways[1], frame.seconds)
+        moving = CornerMotion.between(ways[0], ways[1], frame.seconds)
         parts.append(replace(moving, late=np.full(len(pixel), frame.late)))
-    return Moving.joined(parts)
+    return CornerMotion.joined(parts)
 
 
 @contextmanager
