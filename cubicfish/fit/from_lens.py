@@ -93,8 +93,9 @@ def from_lens(lens: Lens, *, max_angle_deg: float = LARGEST_FIELD_DEG) -> Import
             break
     if best is None:
         raise FitError(
-            f"no sound cubic camera is near this lens up to {widest:.0f}° from its axis: choose a "
-            "smaller --max-angle, up to where the lens was calibrated"
+            f"no sound cubic camera is near this lens up to {widest:.0f}° from its axis",
+            do="choose a smaller {max_angle_deg}, up to where the lens was calibrated",
+            arguments={"max_angle_deg": "max_angle_deg"},
         )
     return best
 

@@ -27,10 +27,7 @@ from cubicfish.find.identification.second_pass import Prediction
 from cubicfish.fit import calibrate as fit
 from cubicfish.fit import point_fit
 from cubicfish.observe import detection
-from cubicfish.rigs import views
 from cubicfish.rigs import alone
-from cubicfish.rigs import calibrate as rig_fit
-from cubicfish.rigs import evaluate as rig_evaluate
 from cubicfish.target.target import load_target
 from cubicfish.views import camera_for_photos
 from cubicfish.workers import cluster, pool
