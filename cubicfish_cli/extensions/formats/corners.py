@@ -12,6 +12,7 @@ from cubicfish.run import RUN, Run
 from cubicfish.wording import listed, plural
 from cubicfish_cli.inputs.paths import paths_of
 from cubicfish_cli.inputs.target_source import target_in
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record
 from cubicfish_cli.terminal.progress import How
@@ -71,12 +72,11 @@ def import_corner_files(options: CornersOptions, *, run: Run = RUN) -> ImportedC
             replaced.
 
     """
-    from cubicfish.files.whole_files import refuse_existing
     from cubicfish.io.corners_csv import save_corners
     from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
 
     goal = Path(options.table)
-    refuse_existing(goal, overwrite=run.overwrite)
+    Plan(run).reads(options.files, options.target).writes(goal)
     read = read_vnlogs(
         paths_of(options.files),
         target_in(options.target),
