@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import CubicfishError, UsageError, ViewError
-from cubicfish.files.whole_files import Content, write_files
+from cubicfish import CubicfishError, Run, UsageError, ViewError
+from cubicfish.files import Content, write_files
 from cubicfish.listener import SILENT
-from cubicfish.photos.photos import SUFFIXES, VIDEO_SUFFIXES, shown
-from cubicfish.run import Run
+from cubicfish.photos import shown
+from cubicfish.photos.photos import SUFFIXES, VIDEO_SUFFIXES
 from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.plan import Plan
@@ -72,8 +72,9 @@ class UndistortedFiles:
 
 def _record_failure(name: str, error: CubicfishError) -> dict[str, Any]:
     """Return a failure as plain data: a finding, and its name and problem."""
-    from cubicfish.judge.codes import Code, Severity
-    from cubicfish.judge.finding import Finding
+    from cubicfish import Finding
+    from cubicfish.judge import Severity
+    from cubicfish.judge.codes import Code
     from cubicfish_cli.words.catalogue import write_error
 
     problem = write_error(error)

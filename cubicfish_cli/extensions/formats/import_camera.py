@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run, made_at, made_by_record
+from cubicfish import Run
+from cubicfish.files import StrPath
+from cubicfish.run import RUN, made_at, made_by_record
 from cubicfish_cli.extension_table import read_formats
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters

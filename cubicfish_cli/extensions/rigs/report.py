@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish.files.whole_files import StrPath, write_files
-from cubicfish.run import RUN, Run
+from cubicfish import Run
+from cubicfish.files import StrPath, write_files
+from cubicfish.run import RUN
 from cubicfish_cli.extensions.rigs.options import rig_argument
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.plan import Plan
