@@ -13,14 +13,15 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from cubicfish import Event, OutputError, Run, UsageError
-from cubicfish.files import Content, StrPath, refuse_existing, write_files
+from cubicfish import Event, Run, UsageError
+from cubicfish.files import Content, StrPath, write_files
 from cubicfish.run import RUN, made_at, made_by_record
 from cubicfish.wording import plural
 from cubicfish_cli.extension_table import Output, extensions
 from cubicfish_cli.films import MOST
 from cubicfish_cli.inputs.paths import check_inputs, path_or_none, paths_of, tables_among
 from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.render.pages import PAGE
 from cubicfish_cli.terminal import figures, parameters
@@ -206,23 +207,19 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
     from cubicfish_cli.observe import load_inputs, recorded_as
     from cubicfish_cli.words.sufficiency import summary
 
-    read = [path for path in (*paths, source.path, pairs) if path is not None]
+    plan = Plan(run).reads(paths, source, pairs)
     more = {kind: made for one in extensions() for kind, made in one.outputs.items()}
     names = {**NAMES, **{kind: one.file for kind, one in more.items()}}
     goals = {kind: folder / name for kind, name in names.items()}
     # Corners that were read from this very file need not be written again.
-    with_corners = bool(paths) and not _is_among(read, goals["corners"])
+    with_corners = bool(paths) and not plan.is_read(goals["corners"])
     kinds = {"corners": with_corners, "drawn": source.needs_file}
     for kind, one in more.items():
         kinds[kind] = options.report and not extra.missing(one.needs)
     own = [kind for kind, wanted in kinds.items() if wanted]
-    kinds_refused = ("camera", "map", "target", *own)
-    refuse_existing(*(goals[kind] for kind in kinds_refused), overwrite=run.overwrite)
-    if options.refine_target != "off" and _is_among(read, goals["target"]):
-        raise OutputError(
-            f"{goals['target']} would be replaced, and is what this calibration is made from: "
-            "choose another folder with -o"
-        )
+    may_refine = options.refine_target != "off" or not plan.is_read(goals["target"])
+    refined = ["target"] if may_refine else []
+    plan.writes(*(goals[kind] for kind in ("camera", "map", *refined, *own)))
     photos, chosen = paths, None
     for others_kind in (kind for one in extensions() for kind in one.inputs):
         others = resolve_name(others_kind.among)(photos)
@@ -270,7 +267,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
     run.listener.progress("Writing")
     files = {kind: path for kind, path in goals.items() if contents.get(kind) is not None}
     others = [goals[kind] for kind in (*_ITS_OWN, *more) if kind not in files]
-    obsolete = [path for path in others if path.is_file() and not _is_among(read, path)]
+    obsolete = [path for path in others if path.is_file() and not plan.is_read(path)]
     write_files(
         {path: contents[kind] or "" for kind, path in files.items()},
         overwrite=run.overwrite,
@@ -283,11 +280,6 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
         removed=[path for path in obsolete if not path.exists()],
         advice=summary(fitted, fitted.pairs),
     )
-
-
-def _is_among(inputs: Sequence[Path], path: Path) -> bool:
-    """Return whether a file is an input of the calibration."""
-    return path.exists() and any(one.exists() and path.samefile(one) for one in inputs)
 
 
 def _make_contents(

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish import OutputError, Run, UsageError
-from cubicfish.files import StrPath, refuse_existing, write_files
+from cubicfish.files import StrPath, write_files
 from cubicfish.run import RUN
 from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.inputs.target_source import target_in
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.main import LazyGroup
@@ -211,7 +212,7 @@ def check_target_files(options: CheckOptions, *, run: Run = RUN) -> TargetCheck:
         if path.suffix.lower() != ".svg":
             raise OutputError(f"{path}: drawings are SVG: end the name in .svg")
         extra.require(extra.PRINTING, "a drawing")
-        refuse_existing(path, overwrite=run.overwrite)
+        Plan(run).reads(options.target).writes(path)
     loaded = target_in(options.target).as_printed()
     run.listener.progress("Looking at the target from all sides")
     checked = check_target(loaded)

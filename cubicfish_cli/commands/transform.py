@@ -13,6 +13,7 @@ from cubicfish import Run, UsageError, ViewError
 from cubicfish.files import StrPath
 from cubicfish.run import RUN, made_by_record
 from cubicfish_cli.inputs.paths import in_folder
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, Parsed, as_command, option, record
 from cubicfish_cli.terminal.progress import How
@@ -186,11 +187,10 @@ def transform_files(options: TransformOptions, *, run: Run = RUN) -> Transformed
 
     """
     from cubicfish import load_camera
-    from cubicfish.files import refuse_existing
     from cubicfish.files.fingerprint import fingerprint
 
     path, goal = in_folder(Path(options.camera)), Path(options.output)
-    refuse_existing(goal, overwrite=run.overwrite)
+    Plan(run).reads(path).writes(goal)
     source, loaded = fingerprint(path), load_camera(path)
     made = transform_camera(loaded, crop=options.crop, scale=options.scale)
     given = {"crop": None if options.crop is None else str(options.crop), "scale": options.scale}

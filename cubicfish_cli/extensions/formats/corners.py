@@ -13,6 +13,7 @@ from cubicfish.run import RUN
 from cubicfish.wording import listed, plural
 from cubicfish_cli.inputs.paths import paths_of
 from cubicfish_cli.inputs.target_source import target_in
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record
 from cubicfish_cli.terminal.progress import How
@@ -73,11 +74,10 @@ def import_corner_files(options: CornersOptions, *, run: Run = RUN) -> ImportedC
 
     """
     from cubicfish import save_corners
-    from cubicfish.files import refuse_existing
     from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
 
     goal = Path(options.table)
-    refuse_existing(goal, overwrite=run.overwrite)
+    Plan(run).reads(options.files, options.target).writes(goal)
     read = read_vnlogs(
         paths_of(options.files),
         target_in(options.target),

@@ -12,6 +12,7 @@ from cubicfish.run import RUN
 from cubicfish_cli.commands.export import LensOptions, print_exported
 from cubicfish_cli.extension_table import written_formats
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_argument
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
 
@@ -57,7 +58,7 @@ def export_rig_files(options: RigExportOptions, *, run: Run = RUN) -> ExportedFi
 
     """
     from cubicfish import load_rig
-    from cubicfish.rigs.rig import rig_file
+    from cubicfish.rigs.rig import rig_file, rig_files
     from cubicfish_cli.commands.export import ExportedFiles
     from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, printed
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
@@ -84,6 +85,7 @@ def export_rig_files(options: RigExportOptions, *, run: Run = RUN) -> ExportedFi
         made.append((one, own))
     text = resolve_name(formats[to].write_rig)(lens_rig(known, made))
     texts = {goal: text} if isinstance(text, str) else {goal / n: one for n, one in text.items()}
+    Plan(run).reads(rig_files(path, known)).writes(*texts)
     written = write_files(texts, overwrite=run.overwrite, folder=goal)
     lines, warnings = [], []
     for one, lens in made:

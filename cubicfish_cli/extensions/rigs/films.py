@@ -19,7 +19,7 @@ from cubicfish import (
     Run,
     Target,
 )
-from cubicfish.files import Content, csv_text, refuse_existing, write_files
+from cubicfish.files import Content, csv_text, write_files
 from cubicfish.files.frame_names import frame_name
 from cubicfish.photos import Photo, read_grey
 from cubicfish.rigs.times import CornerMotion
@@ -29,6 +29,7 @@ from cubicfish_cli.films.choose import Seen, choose_shots
 from cubicfish_cli.films.frame_search import found_in, why_ended
 from cubicfish_cli.films.scan import Measured, report_film, scan, still_px
 from cubicfish_cli.films.source import open_films
+from cubicfish_cli.plan import Plan
 
 # Of so many moments for each that may be chosen the corners are looked for.
 _LOOKED_AT = 2
@@ -94,6 +95,7 @@ def rig_frames(
     room: Path,
     targets: Sequence[Target],
     run: Run,
+    plan: Plan,
     *,
     most: int,
     tolerance: float | None,
@@ -106,6 +108,7 @@ def rig_frames(
         room: a folder for frames that are needed until it is known how corners move.
         targets: the calibration target, or what it may be.
         run: how the work is done.
+        plan: what is read and written.
         most: how many moments are chosen at most.
         tolerance: how far apart frames of a moment may be, seconds; None for half a frame.
 
@@ -113,7 +116,7 @@ def rig_frames(
         CubicfishError: a film cannot be used, films share no time, or show no board.
 
     """
-    refuse_existing(folder / "shots.csv", overwrite=run.overwrite)
+    plan.writes(folder / "shots.csv")
     measured = {}
     for name, path in films.items():
         (film,) = open_films([path])
@@ -136,7 +139,7 @@ def rig_frames(
             one.film, taken[name], run.listener.counting(f"Taking frames of {one.film.path.name}")
         )
     chosen = _choose(measured, found, taken, targets, most, run)
-    return _write(measured, found, taken, chosen, folder, overwrite=run.overwrite)
+    return _write(measured, found, taken, chosen, folder, plan, overwrite=run.overwrite)
 
 
 def find_ahead(measured: Mapping[str, Measured], listener: Listener) -> list[float]:
@@ -204,6 +207,7 @@ def _write(
     taken: Mapping[str, Mapping[int, Path]],
     chosen: Mapping[int, Sequence[int]],
     folder: Path,
+    plan: Plan,
     *,
     overwrite: bool,
 ) -> list[ShotFrame]:
@@ -237,6 +241,7 @@ def _write(
                 f"camera {name}: no board was found in any frame that was chosen: is one in view "
                 "while the others see the target too?"
             )
+    plan.writes(*sources, within=folder)
     table = folder / "shots.csv"
     rows = [(one.shot, one.camera, one.picture.name) for one in frames]
     files: dict[Path, Content] = {table: csv_text([("shot", "camera", "image"), *rows])}
