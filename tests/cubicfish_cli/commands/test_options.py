@@ -24,7 +24,7 @@ from running import SAMPLE, invoke_cli, run_cli
 from cubicfish.find.identification.second_pass import Prediction
 from cubicfish.fit import calibrate as fit
 from cubicfish.io.corners_csv import load_corners
-from cubicfish.observe import detection
+from cubicfish.observe import detection, glances
 from cubicfish.rigs import calibrate as rig_fit
 from cubicfish.rigs import evaluate as rig_evaluate
 from cubicfish.rigs import views
@@ -35,7 +35,6 @@ from cubicfish_cli import CubicfishError, load_camera, save_camera
 from cubicfish_cli.commands import exporting
 from cubicfish_cli.extensions.advice import advise
 from cubicfish_cli.extensions.simulation import simulate
-from cubicfish_cli.films import frame_search
 from cubicfish_cli.foreign import point_fit
 from tests.cubicfish_cli.extensions.rigs.test_export import made_rig
 
@@ -400,8 +399,9 @@ def worked_out_once() -> Iterator[None]:
         patch.setattr(detection, "name_grids", once(detection.name_grids))
         patch.setattr(detection, "predicted_corners", once(detection.predicted_corners))
         patch.setattr(Prediction, "seen_in", once(Prediction.seen_in))
-        for name in ("quick_detect", "quick_detect_near", "name_quick_detections"):
-            patch.setattr(frame_search, name, once(getattr(frame_search, name)))
+        patch.setattr(glances, "quick_detect", once(glances.quick_detect))
+        patch.setattr(glances, "quick_detect_near", once(glances.quick_detect_near))
+        patch.setattr(glances, "name_grids", once(glances.name_grids))
         yield
 
 
