@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import compress
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,8 +17,8 @@ import numpy.typing as npt
 from cubicfish.arrays import Refusal
 from cubicfish.diagnosis.diagnose import find_faults
 from cubicfish.diagnosis.evidence import GridEvidence, MarkerEvidence, PhotoEvidence
-from cubicfish.errors import DetectionError, OutputError
-from cubicfish.files.whole_files import StrPath, refuse_outside
+from cubicfish.errors import DetectionError
+from cubicfish.files.whole_files import StrPath
 from cubicfish.find.identification.identified import (
     FEWEST_CORNERS,
     Detection,
@@ -405,26 +405,3 @@ def _explain_no_checkerboard(found: Sequence[PhotoDetection]) -> DetectionError:
             figures = {**most.figures, "photos": len(found)}
             return DetectionError(replace(most, case=case, figures=figures).line)
     return DetectionError(f"{plural(len(found), 'photo')}, no checkerboard: {most.line}")
-
-
-def drawings(folder: Path, photos: Sequence[Photo]) -> dict[str, Path]:
-    """Where the drawing of each photo goes, by the photo's name.
-
-    The photo's suffix is left out, unless two drawings would then have one name or a drawing
-    would replace a photo.
-
-    Raises:
-        OutputError: a drawing would replace a photo whatever it is called.
-
-    """
-    taken = {os.path.realpath(photo.path) for photo in photos}
-    full = [photo.name for photo in photos]
-    short = [PurePath(name).with_suffix("").as_posix() for name in full]
-    for names in (short, full):
-        paths = [folder / f"{name}.png" for name in names]
-        # File systems may not tell a from A.
-        apart = names is full or len({name.casefold() for name in names}) == len(names)
-        refuse_outside(folder, paths)
-        if apart and taken.isdisjoint(map(os.path.realpath, paths)):
-            return dict(zip(full, paths, strict=True))
-    raise OutputError(f"drawings in {folder} would replace photos: choose another folder")

@@ -14,19 +14,22 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cubicfish.errors import DetectionError, FitError
-from cubicfish.find.identification.identified import Detection
-from cubicfish.judge.codes import Code, Severity
-from cubicfish.judge.finding import Finding
-from cubicfish.listener import Event
-from cubicfish.observe.detection import find_corners
-from cubicfish.observe.glances import Glances
-from cubicfish.photos.photos import Photo
-from cubicfish.run import Run
+from cubicfish import (
+    Detection,
+    DetectionError,
+    Event,
+    Finding,
+    FitError,
+    FloatArray,
+    Observations,
+    Run,
+    Target,
+)
+from cubicfish.judge import Severity
+from cubicfish.judge.codes import Code
+from cubicfish.observe import Glances, find_corners
+from cubicfish.photos import Photo
 from cubicfish.sufficiency.information_gain import InformationGain
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target
-from cubicfish.types import FloatArray
 from cubicfish_cli.films.choose import FEWEST, Choice, Patch, Seen, choose
 from cubicfish_cli.films.measure import sharpness
 from cubicfish_cli.films.scan import still_px

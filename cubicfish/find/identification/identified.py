@@ -106,6 +106,11 @@ class GridReport:
     rms_px: float
 
     @property
+    def sure(self) -> bool:
+        """Whether its corners are surely those that they are named as."""
+        return self.verdict is Decided.NAMED
+
+    @property
     def code(self) -> Code | None:
         """What is reported of it; None where it is simply named."""
         return CODES.get(self.verdict)
