@@ -100,8 +100,10 @@ def detect_files(options: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
     source, file = TargetSource.of(options.target), Path(options.table)
     source.check()
     from cubicfish import save_corners
-    from cubicfish.observe.detection import drawings, find_corners
+    from cubicfish.observe import find_corners
+    from cubicfish.files import refuse_existing
     from cubicfish.photos import read_grey
+    from cubicfish_cli.render.drawings import drawings
     from cubicfish_cli.render.overlay import draw_found
     from cubicfish_cli.undistortion.images import write_picture
 

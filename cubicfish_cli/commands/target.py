@@ -31,7 +31,7 @@ from cubicfish_cli.terminal.terminal import print_table, result
 
 if TYPE_CHECKING:
     from cubicfish import Target
-    from cubicfish.diagnosis.object_check import ObjectFacts, Turn
+    from cubicfish.diagnosis import ObjectFacts, Turn
     from cubicfish.target import Board
 
 _LABEL = 12
@@ -99,7 +99,7 @@ def check_target(target: Target) -> TargetCheck:
         target: the target, as it is printed.
 
     """
-    from cubicfish.diagnosis.object_check import check_object
+    from cubicfish.diagnosis import check_object
 
     facts = check_object(target)
     return TargetCheck(target=target, facts=facts, advice=_advise(target, facts))

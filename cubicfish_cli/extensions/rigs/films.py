@@ -21,12 +21,13 @@ from cubicfish import (
 )
 from cubicfish.files import Content, csv_text, write_files
 from cubicfish.files.frame_names import frame_name
+from cubicfish.observe import find_corners
 from cubicfish.photos import Photo, read_grey
 from cubicfish.rigs.times import CornerMotion
 from cubicfish_cli.extensions.rigs.film_clocks import FilmMotion, match_films
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out
 from cubicfish_cli.films.choose import Seen, choose_shots
-from cubicfish_cli.films.frame_search import found_in, why_ended
+from cubicfish_cli.films.frame_search import Found, why_ended
 from cubicfish_cli.films.scan import Measured, report_film, scan, still_px
 from cubicfish_cli.films.source import open_films
 from cubicfish_cli.plan import Plan
@@ -181,10 +182,11 @@ def _choose(
         frames = found.frame[rows, column].tolist()
         photos = [Photo(name=f"{name} {index}", path=taken[name][index]) for index in frames]
         try:
-            work = run.work(f"Finding corners in {name}")
-            patches = found_in(photos, targets, work, run.cache).patches
+            step = f"Finding corners in {name}"
+            detection = find_corners(photos, targets, run, again=False, step=step)
         except DetectionError as error:
             raise DetectionError(f"camera {name}: no frame can be chosen: {error}") from error
+        patches = Found.of(detection).patches
         for row, index, photo in zip(rows, frames, photos, strict=True):
             shots[row][column] = Seen(
                 patches=patches.get(photo.name, ()),

@@ -28,6 +28,8 @@ from cubicfish.fit import calibrate as fit
 from cubicfish.fit import point_fit
 from cubicfish.observe import detection
 from cubicfish.rigs import alone
+from cubicfish.observe import glances
+from cubicfish.rigs import views
 from cubicfish.target.target import load_target
 from cubicfish.views import camera_for_photos
 from cubicfish.workers import cluster, pool
@@ -35,7 +37,6 @@ from cubicfish_cli import CubicfishError, load_camera, save_camera
 from cubicfish_cli.commands import exporting
 from cubicfish_cli.extensions.advice import advise
 from cubicfish_cli.extensions.simulation import simulate
-from cubicfish_cli.films import frame_search
 from tests.cubicfish_cli.extensions.rigs.test_export import made_rig
 
 TARGET, ALL_CORNERS = SAMPLE / "target.yaml", SAMPLE / "true_corners.csv"
@@ -399,8 +400,9 @@ def worked_out_once() -> Iterator[None]:
         patch.setattr(detection, "name_grids", once(detection.name_grids))
         patch.setattr(detection, "predicted_corners", once(detection.predicted_corners))
         patch.setattr(Prediction, "seen_in", once(Prediction.seen_in))
-        for name in ("quick_detect", "quick_detect_near", "name_quick_detections"):
-            patch.setattr(frame_search, name, once(getattr(frame_search, name)))
+        patch.setattr(glances, "quick_detect", once(glances.quick_detect))
+        patch.setattr(glances, "quick_detect_near", once(glances.quick_detect_near))
+        patch.setattr(glances, "name_grids", once(glances.name_grids))
         yield
 
 
