@@ -11,7 +11,7 @@ import click
 from cubicfish.errors import UsageError
 from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
 from cubicfish.run import RUN, Run
-from cubicfish_cli.extension_table import written_formats
+from cubicfish_cli.extension_guard import written_formats
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record

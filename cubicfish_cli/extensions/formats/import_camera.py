@@ -11,7 +11,7 @@ import click
 
 from cubicfish.files.whole_files import StrPath
 from cubicfish.run import RUN, Run, made_at, made_by_record
-from cubicfish_cli.extension_table import read_formats
+from cubicfish_cli.extension_guard import read_formats
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.terminal.progress import How

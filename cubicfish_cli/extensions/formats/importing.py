@@ -12,7 +12,7 @@ from cubicfish.io.camera_yaml import CameraFile
 from cubicfish.judge.fit_record import FitRecord
 from cubicfish.models.lens import Lens
 from cubicfish.wording import did_you_mean, quoted
-from cubicfish_cli.extension_table import read_formats
+from cubicfish_cli.extension_guard import read_formats
 from cubicfish_cli.foreign.foreign_files import own_field_deg, read_foreign
 from cubicfish_cli.foreign.from_lens import (
     LARGEST_ANGLE_DEG,
