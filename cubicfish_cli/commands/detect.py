@@ -101,7 +101,6 @@ def detect_files(options: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
     source.check()
     from cubicfish import save_corners
     from cubicfish.observe import find_corners
-    from cubicfish.files import refuse_existing
     from cubicfish.photos import read_grey
     from cubicfish_cli.render.drawings import drawings
     from cubicfish_cli.render.overlay import draw_found

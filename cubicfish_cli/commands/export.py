@@ -11,7 +11,7 @@ import click
 from cubicfish import Run, UsageError
 from cubicfish.files import StrPath, write_files
 from cubicfish.run import RUN
-from cubicfish_cli.extension_table import written_formats
+from cubicfish_cli.extension_guard import written_formats
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters

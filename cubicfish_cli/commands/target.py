@@ -13,6 +13,7 @@ from cubicfish import OutputError, Run, UsageError
 from cubicfish.files import StrPath, write_files
 from cubicfish.run import RUN
 from cubicfish.wording import plural
+from cubicfish_cli.core_table import COMMANDS, commands_of
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.plan import Plan
@@ -296,7 +297,7 @@ def _write_direction(axis: Iterable[float]) -> str:
 @click.group(
     "target",
     cls=LazyGroup,
-    own={"check": "cubicfish_cli.commands.target:check"},
+    own=commands_of(COMMANDS, "target"),
     of="target",
     short_help="Print or check the calibration target, before any photo.",
     epilog=examples(

@@ -12,7 +12,7 @@ import click
 from cubicfish import Run
 from cubicfish.files import StrPath
 from cubicfish.run import RUN, made_at, made_by_record
-from cubicfish_cli.extension_table import read_formats
+from cubicfish_cli.extension_guard import read_formats
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record

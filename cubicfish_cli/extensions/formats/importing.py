@@ -12,7 +12,7 @@ from cubicfish.fit.from_lens import LARGEST_ANGLE_DEG, LARGEST_FIELD_DEG, Import
 from cubicfish.judge import FitRecord
 from cubicfish.models import Lens
 from cubicfish.wording import did_you_mean, quoted
-from cubicfish_cli.extension_table import read_formats
+from cubicfish_cli.extension_guard import read_formats
 from cubicfish_cli.foreign.foreign_files import own_field_deg, read_foreign
 
 _REFUSAL = Refusal(error=CameraFileError)

@@ -26,10 +26,8 @@ from cubicfish import load_corners
 from cubicfish.find.identification.second_pass import Prediction
 from cubicfish.fit import calibrate as fit
 from cubicfish.fit import point_fit
-from cubicfish.observe import detection
+from cubicfish.observe import detection, glances
 from cubicfish.rigs import alone
-from cubicfish.observe import glances
-from cubicfish.rigs import views
 from cubicfish.target.target import load_target
 from cubicfish.views import camera_for_photos
 from cubicfish.workers import cluster, pool
