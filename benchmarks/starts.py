@@ -24,7 +24,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 from cubicfish.fit.calibrate import calibrate
-from cubicfish.fit.cubic_fit import starts, with_prior
+from cubicfish.fit.prior import starts, with_prior
 from cubicfish.io.corners_csv import load_corners
 from cubicfish.solve.adjustment import WARM_DAMPING, adjust
 from cubicfish.solve.statistics import huber_px, rms_px

@@ -10,7 +10,7 @@ import numpy as np
 from cubicfish.diagnosis.diagnose import find_faults
 from cubicfish.errors import FitError
 from cubicfish.fit.calibrate import calibrate
-from cubicfish.fit.cubic_fit import fit_cubic, with_prior
+from cubicfish.fit.cubic_fit import fit_cubic
 from cubicfish.fit.evaluate import Evaluation, evaluate
 from cubicfish.fit.lenses import CubicFit
 from cubicfish.fit.model_selection import RefineTarget
@@ -126,7 +126,7 @@ def calibrate_alone(
         lens, poses = _fix_denominators(result.lens), result.poses
         runners_up = [
             (
-                _fix_denominators(with_prior(result.lens, reference, prior, result.errors)),
+                _fix_denominators(prior.apply(result.lens, reference, result.errors)),
                 likely,
             )
             for prior, likely in found.runners_up.items()

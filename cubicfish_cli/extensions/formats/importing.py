@@ -8,7 +8,7 @@ from typing import Any
 from cubicfish.arrays import Refusal
 from cubicfish.errors import CameraFileError
 from cubicfish.files.whole_files import StrPath
-from cubicfish.fit.from_lens import (
+from cubicfish.fit.imported_lens import (
     LARGEST_ANGLE_DEG,
     LARGEST_FIELD_DEG,
     ImportedCamera,
