@@ -13,7 +13,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from pkgutil import resolve_name
 
-from cubicfish.errors import CubicfishError
+from cubicfish import CubicfishError
 
 GROUP = "cubicfish.extensions"
 """Entry points of this group name the :class:`Extension` of another distribution."""

@@ -41,3 +41,7 @@ lens of another model nearest to a camera) and `imported_lens.py` (the camera ne
 `nearest_lens` of `fit_lens.py` (any lens through given pixels). The fit of the paper's own lift is
 `point_fit.py`.
 """
+
+from cubicfish.lazy import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__)

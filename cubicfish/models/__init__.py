@@ -8,3 +8,7 @@ Newton's method, for these and for `CubicCamera`, which is no `Lens`: its parame
 its fit is `fit/point_fit.py`. What the solver adjusts is a `FitLens` (`solve/fit_lens.py`): a
 `FreeLens` of any `Lens`, or with priors `BentFit` and `CubicFit`.
 """
+
+from cubicfish.lazy import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__)

@@ -5,3 +5,7 @@ photographer would name them. `knowledge.py` has the information of a calibratio
 one more. `information_gain.py` works out the information gain of each of many photos before a
 camera is fitted.
 """
+
+from cubicfish.lazy import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__)

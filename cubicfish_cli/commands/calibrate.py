@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from cubicfish.errors import OutputError, UsageError
-from cubicfish.files.whole_files import Content, StrPath, refuse_existing, write_files
-from cubicfish.listener import Event
-from cubicfish.run import RUN, Run, made_at, made_by_record
+from cubicfish import Event, OutputError, Run, UsageError
+from cubicfish.files import Content, StrPath, refuse_existing, write_files
+from cubicfish.run import RUN, made_at, made_by_record
 from cubicfish.wording import plural
 from cubicfish_cli.extension_table import Output, extensions
 from cubicfish_cli.films import MOST
@@ -44,14 +43,10 @@ from cubicfish_cli.terminal.terminal import (
 from cubicfish_cli.words.phrases import counted
 
 if TYPE_CHECKING:
-    from cubicfish.fit.calibration import Calibration
+    from cubicfish import Calibration, CubicCamera, Observations, Target, Verdict
     from cubicfish.fit.model_selection import RefineTarget
     from cubicfish.fit.point_fit import PointCalibration
-    from cubicfish.judge.fit_record import FitRecord
-    from cubicfish.judge.verdict import Verdict
-    from cubicfish.models.cubic import CubicCamera
-    from cubicfish.target.observations import Observations
-    from cubicfish.target.target import Target
+    from cubicfish.judge import FitRecord
     from cubicfish_cli.observe import Inputs
 
 _LONGEST_TITLE = 100
@@ -252,7 +247,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
         run.listener.progress("Fitting")
         fitted, how = calibrate_points(loaded.pairs, **how), {"lift": options.lift}
     else:
-        from cubicfish.calibration import calibrate
+        from cubicfish import calibrate
 
         how["refine_target"] = options.refine_target or "auto"
         fitted = calibrate(loaded.given, **how, listener=run.listener)
@@ -304,7 +299,7 @@ def _make_contents(
 
     ``map`` is None where it would take gigabytes.
     """
-    from cubicfish.fit.calibration import Calibration
+    from cubicfish import Calibration
     from cubicfish.io.corners_csv import corners_text
     from cubicfish.target.target import target_text
 
@@ -319,8 +314,8 @@ def _make_contents(
 
 
 def _make_map(camera: CubicCamera) -> Content | None:
+    from cubicfish import build_map
     from cubicfish.photos.photos import MAX_PIXELS
-    from cubicfish.views.maps import build_map
     from cubicfish_cli.undistortion.choose import build_view
     from cubicfish_cli.undistortion.map_formats import MapInBands, write_npz
 

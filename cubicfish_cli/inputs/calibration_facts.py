@@ -14,21 +14,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cubicfish import (
+    BoolArray,
+    Calibration,
+    CubicCamera,
+    FloatArray,
+    Observations,
+    Target,
+    load_any_camera,
+    load_corners,
+)
 from cubicfish.angles import angle_from_axis
 from cubicfish.files.fingerprint import sha256_of
-from cubicfish.fit.calibration import Calibration
 from cubicfish.fit.coverage import FieldCells, field_cells
-from cubicfish.io.camera_yaml import CameraRecord, load_any_camera
-from cubicfish.io.corners_csv import load_corners, load_correspondences
-from cubicfish.judge.fit_record import FileRecord, FitRecord, Origin, PhotoRecord
+from cubicfish.io.camera_yaml import CameraRecord
+from cubicfish.io.corners_csv import load_correspondences
+from cubicfish.judge import FitRecord, PhotoRecord
+from cubicfish.judge.fit_record import FileRecord, Origin
 from cubicfish.judge.verdict import photo_verdicts
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.photos.photos import find_photos
+from cubicfish.photos import find_photos
 from cubicfish.solve.statistics import rms_px
-from cubicfish.target.observations import Observations
 from cubicfish.target.placement import best_named
-from cubicfish.target.target import Target
-from cubicfish.types import BoolArray, FloatArray
 from cubicfish.wording import quoted
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.viewpoints.truth import camera_points
@@ -37,7 +43,7 @@ from cubicfish_cli.words.sufficiency import summary
 
 if TYPE_CHECKING:
     from cubicfish.fit.point_fit import PointCalibration
-    from cubicfish.models.point import PointCamera
+    from cubicfish.models import PointCamera
 
 REFINED = ("shape", "points")
 """What ``refine_target`` of a fit's record says where the target was fitted too."""

@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 
 import click
 
-from cubicfish.errors import CubicfishError
+from cubicfish import CubicfishError
 from cubicfish.wording import did_you_mean
 from cubicfish_cli import __version__
 from cubicfish_cli.terminal.parameters import DEBUG_KEY, common_options, examples

@@ -1,10 +1,9 @@
 """Whether photos are enough, and which parts of the picture they leave empty, in words."""
 
+from cubicfish import CubicCamera, Observations
 from cubicfish.judge.camera_facts import CameraFacts
 from cubicfish.judge.codes import Code
-from cubicfish.models.cubic import CubicCamera
 from cubicfish.sufficiency.sufficiency import CoverageGaps, Part, explain_insufficiency
-from cubicfish.target.observations import Observations
 
 _PARTS = 2
 

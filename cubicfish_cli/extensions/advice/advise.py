@@ -5,16 +5,17 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish import CubicCamera, Finding, Observations, Target
 from cubicfish.io.camera_yaml import Calibrated
 from cubicfish.judge.codes import Code
-from cubicfish.judge.finding import Finding
 from cubicfish.judge.uncertainty import FieldUncertainty
-from cubicfish.models.cubic import CubicCamera
 from cubicfish.solve.poses import Poses
 from cubicfish.sufficiency.knowledge import Knowledge
-from cubicfish.sufficiency.sufficiency import CoverageGaps, Goal, explain_insufficiency
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target
+from cubicfish.sufficiency.sufficiency import (
+    CoverageGaps,
+    Goal,
+    explain_insufficiency,
+)
 from cubicfish.threads import one_blas_thread
 from cubicfish_cli.extensions.advice.limited_lens import limited_lens
 from cubicfish_cli.extensions.advice.proposals import Proposal, proposed

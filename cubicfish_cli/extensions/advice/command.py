@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import CubicfishError, OutputError, UsageError
-from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN, Run
+from cubicfish import CubicfishError, OutputError, Run, UsageError
+from cubicfish.files import StrPath, refuse_existing, write_files
+from cubicfish.run import RUN
 from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import in_folder, path_or_none
 from cubicfish_cli.render import drawing as extra

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish import CubicCamera, FloatArray
 from cubicfish.angles import angle_from_axis
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.models.lens import Lens
-from cubicfish.types import FloatArray
+from cubicfish.models import Lens
 from cubicfish_cli.viewpoints.views import WholeLens
 
 _BEYOND_DEG = 10.0

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish import BoolArray, FloatArray
 from cubicfish.angles import angle_from_axis
 from cubicfish.judge.uncertainty import FieldUncertainty
 from cubicfish.sufficiency.knowledge import Knowledge
 from cubicfish.sufficiency.sufficiency import CoverageGaps, Goal, side_of
-from cubicfish.types import BoolArray, FloatArray
 from cubicfish_cli.viewpoints.views import Viewpoint
 
 MOST_PHOTOS = 12

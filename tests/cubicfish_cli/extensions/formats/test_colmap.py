@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from lenses import cubic_camera, radial_camera
 
-from cubicfish.errors import CameraFileError
+from cubicfish import CameraFileError
 from cubicfish.fit.exported_lens import to_lens
 from cubicfish.fit.imported_lens import from_lens
-from cubicfish.models.radial import RadialCamera
+from cubicfish.models import RadialCamera
 from cubicfish_cli.extensions.formats.colmap_cameras import (
     MODELS,
     RadTanThinPrismLens,

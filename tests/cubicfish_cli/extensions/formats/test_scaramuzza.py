@@ -5,8 +5,8 @@ import pytest
 from lenses import cubic_camera
 
 from cubicfish.fit.exported_lens import to_lens
-from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.sphere import cone_rays
+from cubicfish_cli import CubicCamera
 from cubicfish_cli.extensions.formats import ocamcalib
 from cubicfish_cli.extensions.formats.ocamcalib import ScaramuzzaLens
 
