@@ -8,7 +8,12 @@ from typing import Any
 from cubicfish import CameraFile, CameraFileError
 from cubicfish.arrays import Refusal
 from cubicfish.files import StrPath
-from cubicfish.fit.from_lens import LARGEST_ANGLE_DEG, LARGEST_FIELD_DEG, ImportedCamera, from_lens
+from cubicfish.fit.imported_lens import (
+    LARGEST_ANGLE_DEG,
+    LARGEST_FIELD_DEG,
+    ImportedCamera,
+    from_lens,
+)
 from cubicfish.judge import FitRecord
 from cubicfish.models import Lens
 from cubicfish.wording import did_you_mean, quoted
