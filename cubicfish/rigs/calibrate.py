@@ -20,7 +20,7 @@ from cubicfish.fit.refinement import FIRST_SPREAD, estimate_spread
 from cubicfish.io.camera_yaml import Calibrated
 from cubicfish.judge.codes import Severity
 from cubicfish.judge.fit_record import NAN
-from cubicfish.listener import SILENT, Listener
+from cubicfish.listener import Listener
 from cubicfish.models.cubic import CubicCamera, pole_or_fold_deg
 from cubicfish.models.sphere import cone_rays
 from cubicfish.rigs.evaluate import camera_pairs, shot_errors
@@ -81,7 +81,7 @@ def calibrate_rig(
     known: Mapping[str, Calibrated] | None = None,
     hold_lenses: bool = False,
     refine_target: RefineTarget = "auto",
-    listener: Listener = SILENT,
+    listener: Listener = Listener(),
 ) -> Rig:
     """Fit the lenses of several cameras on one body, and how the cameras stand to each other.
 

@@ -14,8 +14,7 @@ from typing import Any, NoReturn
 
 import click
 
-from cubicfish import CubicfishError
-from cubicfish.wording import did_you_mean
+from cubicfish import CubicfishError, did_you_mean
 from cubicfish_cli import __version__
 from cubicfish_cli.terminal.parameters import DEBUG_KEY, common_options, examples
 from cubicfish_cli.terminal.start import EXIT_SIGNAL, ending_signal

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from cubicfish import Run
 from cubicfish.files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN
 from cubicfish_cli.inputs.paths import in_folder, path_or_none
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.render.pages import PAGE
@@ -44,7 +43,7 @@ class ReportOptions:
     )
 
 
-def report_files(options: ReportOptions, *, run: Run = RUN) -> ReportFiles:
+def report_files(options: ReportOptions, *, run: Run = Run()) -> ReportFiles:
     """Write a page about a camera, as ``cubicfish report`` does.
 
     Raises:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from cubicfish import Run
 from cubicfish.files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN
 from cubicfish_cli.extensions.rigs.options import rig_argument
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.render import drawing as extra
@@ -38,7 +37,7 @@ class RigReportOptions:
     )
 
 
-def report_rig_files(options: RigReportOptions, *, run: Run = RUN) -> ReportFiles:
+def report_rig_files(options: RigReportOptions, *, run: Run = Run()) -> ReportFiles:
     """Write a page about a rig, as ``cubicfish rig report`` does.
 
     Raises:
