@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from cubicfish import FitError, Observations
 from cubicfish.fit.calibrate import calibrate
+from cubicfish.fit.point_fit import RatioFit, fit_ratio
 from cubicfish.models.lift import lift
-from cubicfish_cli.foreign.point_fit import RatioFit, fit_ratio
 
 FloatArray = npt.NDArray[np.float64]
 

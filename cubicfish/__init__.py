@@ -2,7 +2,9 @@
 
 In a program::
 
-    from cubicfish import Target, calibrate, detect
+    from cubicfish.target.target import Target
+    from cubicfish.calibration import calibrate
+    from cubicfish.observe.detection import detect
     from cubicfish_cli import undistort
 
     target = Target.load("target.yaml")

@@ -2,7 +2,8 @@
 
 In a program::
 
-    from cubicfish_cli import Target, calibrate, detect, undistort
+    from cubicfish import Target, calibrate, detect
+    from cubicfish_cli.undistortion.images import undistort
 
     target = Target.load("target.yaml")
     calibration = calibrate(detect("photos/", target), target)

@@ -43,8 +43,8 @@ from cubicfish_cli.words.phrases import counted, plural
 if TYPE_CHECKING:
     from cubicfish import Calibration, CubicCamera, Observations, Target, Verdict
     from cubicfish.fit.model_selection import RefineTarget
+    from cubicfish.fit.point_fit import PointCalibration
     from cubicfish.judge import FitRecord
-    from cubicfish_cli.foreign.point_fit import PointCalibration
     from cubicfish_cli.observe import Inputs
 
 _LONGEST_TITLE = 100
@@ -201,9 +201,8 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = Run()) -> Calibrate
     if options.most is not None and (pairs is not None or tables_among(paths)):
         raise UsageError("--most goes with photos and films, not with CSV files")
     run.date()  # an unusable date is an error before the work, not after
-    from cubicfish import Calibration
-    from cubicfish.sufficiency.sufficiency import summary
     from cubicfish_cli.observe import load_inputs, recorded_as
+    from cubicfish_cli.words.sufficiency import summary
 
     read = [path for path in (*paths, source.path, pairs) if path is not None]
     more = {kind: made for one in extensions() for kind, made in one.outputs.items()}
@@ -241,7 +240,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = Run()) -> Calibrate
     how: dict[str, Any] = {"hold_out": options.hold_out}
     fitted: Calibration | PointCalibration
     if options.lift == "point":
-        from cubicfish_cli.foreign.point_fit import calibrate_points
+        from cubicfish.fit.point_fit import calibrate_points
 
         run.listener.progress("Fitting")
         fitted, how = calibrate_points(loaded.pairs, **how), {"lift": options.lift}
@@ -275,15 +274,12 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = Run()) -> Calibrate
         overwrite=run.overwrite,
         obsolete=obsolete if run.overwrite else (),
     )
-    advice = None
-    if isinstance(fitted, Calibration):
-        advice = summary(fitted.camera, fitted.fit, fitted.pairs)
     return CalibratedFiles(
         fitted=fitted,
         inputs=loaded,
         files=files,
         removed=[path for path in obsolete if not path.exists()],
-        advice=advice,
+        advice=summary(fitted, fitted.pairs),
     )
 
 

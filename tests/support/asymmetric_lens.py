@@ -24,7 +24,7 @@ from cubicfish.geometry import (
     kannala_brandt_slope,
 )
 from cubicfish.models import RadialCamera
-from cubicfish_cli.foreign.foreign_lens import FIXED, FocalLens
+from cubicfish.models.formula_lens import FIXED, FocalLens
 
 _CHECKED_ANGLES = 4096
 _DECENTRING_ROUNDS = 8

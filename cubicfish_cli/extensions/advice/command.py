@@ -85,7 +85,7 @@ def advise_files(options: AdviseOptions, *, run: Run = Run()) -> AdviceFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish import CubicCamera
+    from cubicfish.io.camera_yaml import Calibrated
     from cubicfish_cli.extensions.advice.advise import advise
     from cubicfish_cli.inputs.calibration_facts import facts_of_files
 
@@ -101,7 +101,7 @@ def advise_files(options: AdviseOptions, *, run: Run = Run()) -> AdviceFiles:
     facts = facts_of_files(path, target=drawn, photos=(), corners=given)
     if given is not None and facts.target is None:
         raise UsageError("name the target of these corners with --target target.yaml")
-    if not isinstance(facts.camera, CubicCamera):
+    if not isinstance(facts.known, Calibrated):
         raise CubicfishError(
             f"{path} is of lift 'point', which has no rays: its uncertainty over the field, "
             "and what would lower it, cannot be worked out; calibrate with --lift ray for this"
@@ -111,9 +111,7 @@ def advise_files(options: AdviseOptions, *, run: Run = Run()) -> AdviceFiles:
         do = "name the target with --target" if beside else "name the corners with --corners"
         raise CubicfishError(f"{path}: {facts.lack}: {do}")
     run.listener.progress("Looking for photos that would help")
-    advice = advise(
-        facts.camera, facts.fit, facts.errors.pairs, facts.target, goal_px=options.goal_px
-    )
+    advice = advise(facts.known, facts.errors.pairs, facts.target, goal_px=options.goal_px)
     if drawing is not None:
         with extra.quiet():
             from cubicfish_cli.extensions.advice.picture import advice_picture
@@ -194,11 +192,13 @@ def _describe_how_many(advice: Advice) -> str:
 
 
 def _print_gaps(advice: Advice) -> None:
+    from cubicfish_cli.words.sufficiency import part_words
+
     parts = advice.gaps.parts
     if parts:
         result("No corners here:")
         for part in parts[:_MOST_PARTS]:
-            result(f"  {part.words}")
+            result(f"  {part_words(part)}")
         if len(parts) > _MOST_PARTS:
             result(f"  and {plural(len(parts) - _MOST_PARTS, 'smaller part')}")
         result()

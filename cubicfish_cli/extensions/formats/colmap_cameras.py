@@ -23,6 +23,7 @@ from cubicfish.angles import angle_from_axis, columns
 from cubicfish.files import read_bytes, read_text
 from cubicfish.geometry import decentring
 from cubicfish.models import Lens, RadialCamera
+from cubicfish.models.formula_lens import FocalLens
 from cubicfish_cli.extensions.formats.lenses import PinholeLens, named_lens, named_numbers
 from cubicfish_cli.foreign.file_contents import (
     LensRig,
@@ -32,7 +33,6 @@ from cubicfish_cli.foreign.file_contents import (
     numbers,
     size,
 )
-from cubicfish_cli.foreign.foreign_lens import FocalLens
 
 # Profiles are searched for a fold in such steps.
 _STEP_RAD = np.deg2rad(0.05)

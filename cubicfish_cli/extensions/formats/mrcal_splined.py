@@ -20,8 +20,8 @@ from scipy import linalg, sparse
 from cubicfish import CubicCamera, FloatArray, IntArray
 from cubicfish.angles import angle_from_axis, azimuth
 from cubicfish.models import RadialCamera
+from cubicfish.models.formula_lens import FIXED, FocalLens
 from cubicfish.models.sphere import cone_rays
-from cubicfish_cli.foreign.foreign_lens import FIXED, FocalLens
 
 _ORDER = 3
 # Intervals across the field: more are tried until the spline is this near to the camera.

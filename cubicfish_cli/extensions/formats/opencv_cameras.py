@@ -26,6 +26,7 @@ from cubicfish import CameraFileError, FloatArray, quoted
 from cubicfish.files import read_text
 from cubicfish.files.plain_yaml import MAX_DEPTH, mapping, parse_plain_yaml
 from cubicfish.models import Lens, RadialCamera
+from cubicfish.models.formula_lens import FocalLens
 from cubicfish_cli.extensions.formats.lenses import (
     PINHOLE,
     PinholeLens,
@@ -41,7 +42,6 @@ from cubicfish_cli.foreign.file_contents import (
     parse_plain_json,
     size,
 )
-from cubicfish_cli.foreign.foreign_lens import FocalLens
 
 # Names in lower case, without underscores or hyphens.
 _KEY = re.compile(r"[\"']?(\w{1,40})[\"']?\s*:")

@@ -22,7 +22,7 @@ from cubicfish_cli.words import camera as in_words
 
 if TYPE_CHECKING:
     from cubicfish import Calibration, Observations
-    from cubicfish_cli.foreign.point_fit import PointCalibration
+    from cubicfish.fit.point_fit import PointCalibration
 
 _MOST_DROPPED = 200
 _MOST_ROWS = 5000

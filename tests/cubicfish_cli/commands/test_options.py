@@ -25,6 +25,7 @@ import cubicfish
 from cubicfish import load_corners
 from cubicfish.find.identification.second_pass import Prediction
 from cubicfish.fit import calibrate as fit
+from cubicfish.fit import point_fit
 from cubicfish.observe import detection
 from cubicfish.rigs import views
 from cubicfish.target.target import load_target
@@ -35,7 +36,6 @@ from cubicfish_cli.commands import exporting
 from cubicfish_cli.extensions.advice import advise
 from cubicfish_cli.extensions.simulation import simulate
 from cubicfish_cli.films import frame_search
-from cubicfish_cli.foreign import point_fit
 from tests.cubicfish_cli.extensions.rigs.test_export import made_rig
 
 TARGET, ALL_CORNERS = SAMPLE / "target.yaml", SAMPLE / "true_corners.csv"

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from cubicfish import Calibration, CubicCamera, load_corners
 from cubicfish.fit.calibrate import calibrate
+from cubicfish.fit.point_fit import calibrate_points
 from cubicfish.io.camera_yaml import camera_text
 from cubicfish.target.target import load_target
-from cubicfish_cli.foreign.point_fit import calibrate_points
 
 SAMPLE = Path(__file__).parents[3] / "sample_data"
 

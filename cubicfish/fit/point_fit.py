@@ -10,15 +10,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from cubicfish import Finding, FitError, FloatArray, Observations, Target
+from cubicfish.errors import FitError
 from cubicfish.fit.calibrate import MIN_PAIRS
 from cubicfish.fit.folds import photo_folds
 from cubicfish.fit.nearest_cubic import ROUNDS, linear_ratios
 from cubicfish.fit.radial_reference import fit_radial, refit_radial
 from cubicfish.io.camera_yaml import CameraRecord
-from cubicfish.judge import FitRecord, PhotoRecord
-from cubicfish.models import PointCamera
+from cubicfish.judge.finding import Finding
+from cubicfish.judge.fit_record import FitRecord, PhotoRecord
 from cubicfish.models.lift import lift
+from cubicfish.models.point import PointCamera
 from cubicfish.solve.poses import Poses
 from cubicfish.solve.statistics import (
     error_statistics,
@@ -28,7 +29,10 @@ from cubicfish.solve.statistics import (
     rms_px,
 )
 from cubicfish.solve.subset import select, world_scale
+from cubicfish.target.observations import Observations
+from cubicfish.target.target import Target
 from cubicfish.threads import one_blas_thread
+from cubicfish.types import FloatArray
 
 # Singular values of Φ below this share of the largest are rounding and print errors, not a view.
 RANK_TOLERANCE = 1e-6
