@@ -34,19 +34,16 @@ import numpy as np
 from synthetic_films import Film, FilmOptions, hand_path
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
+from cubicfish import Calibration, CubicfishError, Observations, Target, load_corners, save_corners
 from cubicfish.comparison import aligned_difference
-from cubicfish.errors import CubicfishError
 from cubicfish.files.frame_names import frame_name
 from cubicfish.fit.calibrate import calibrate
-from cubicfish.fit.calibration import Calibration
-from cubicfish.io.corners_csv import load_corners, save_corners
 from cubicfish.models.sphere import cone_rays
 from cubicfish.observe.detection import first_pass
-from cubicfish.photos.photos import Photo, find_photos
+from cubicfish.photos import Photo, find_photos
 from cubicfish.solve.subset import select_photos
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target, load_target
-from cubicfish.workers.pool import Work
+from cubicfish.target.target import load_target
+from cubicfish.workers import Work
 from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.films.source import decode, opened
 

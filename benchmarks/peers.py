@@ -28,20 +28,16 @@ import numpy as np
 import numpy.typing as npt
 from lens_models import compare_models
 
-from cubicfish.calibration import calibrate
-from cubicfish.errors import FitError
-from cubicfish.fit.calibration import Calibration
+from cubicfish import Calibration, FitError, Observations, Target, calibrate, load_corners
 from cubicfish.fit.folds import FOLDS
-from cubicfish.io.corners_csv import load_corners
-from cubicfish.models.radial import RadialCamera
+from cubicfish.models import RadialCamera
 from cubicfish.solve.adjustment import adjust
 from cubicfish.solve.fit_lens import FitLens, FixedLens, FreeLens
 from cubicfish.solve.poses import Poses
 from cubicfish.solve.statistics import huber_px, rms_px
 from cubicfish.solve.subset import select_photos
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target, load_target
-from cubicfish.workers.pool import Work
+from cubicfish.target.target import load_target
+from cubicfish.workers import Work
 from cubicfish_cli.extensions.formats.lenses import UnifiedLens
 
 FloatArray = npt.NDArray[np.float64]
@@ -54,7 +50,7 @@ def corners_of(data: Path, corners: Path | None, target: Target) -> Observations
     if corners is not None:
         return load_corners(corners, target)
     from cubicfish.observe.detection import first_pass
-    from cubicfish.photos.photos import find_photos
+    from cubicfish.photos import find_photos
 
     return first_pass(find_photos([data / "images"]), [target], Work()).corners.with_target(target)
 

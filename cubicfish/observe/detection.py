@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import compress
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ import numpy.typing as npt
 
 from cubicfish.arrays import Refusal
 from cubicfish.diagnosis.diagnose import find_faults
-from cubicfish.diagnosis.evidence import GridEvidence, MarkerEvidence
+from cubicfish.diagnosis.evidence import GridEvidence, MarkerEvidence, PhotoEvidence
 from cubicfish.errors import DetectionError, OutputError
 from cubicfish.files.whole_files import StrPath, refuse_outside
 from cubicfish.find.identification.identified import (
@@ -24,7 +25,7 @@ from cubicfish.find.identification.identified import (
     PhotoReport,
     marked_corners,
     nominal_target_fits,
-    remark_of,
+    remarks_of,
 )
 from cubicfish.find.identification.name_grids import name_grids
 from cubicfish.find.identification.second_pass import (
@@ -234,71 +235,31 @@ def _name_corners(
     size = _find_common_size(found)
     if size is None:
         raise _make_error(_explain_nothing_read(found))
-    with_boards = [_is_showing_boards(one) for one in found]
+    showing = [_is_showing_boards(one) for one in found]
     found = [
         _refuse_other_size(one, photo.name, size) for one, photo in zip(found, photos, strict=True)
     ]
     usable = [index for index, one in enumerate(found) if one.grids is not None]
-    detections = [found[index] for index in usable]
-    grids = [detected.grids for detected in detections if detected.grids is not None]
-    names = [photos[index].name for index in usable]
-    identified = None
-    if target.has_markers:
-        marked = [detected.marked for detected in detections if detected.marked is not None]
-        corners = marked_corners(marked, target, size, names)
-        parts = [
-            PhotoReport(
-                name=name,
-                refusal=detected.refusal,
-                remarks=_report_twice_in_view(own, name, target),
-                found=replace(shown, grids=()),
-            )
-            for detected, own, shown, name in zip(detections, marked, grids, names, strict=True)
-        ]
-    else:
-        identified = name_grids([one.grids for one in grids], target, size, names)
-        corners = identified.corners
-        fits = nominal_target_fits(identified.grids, target)
-        parts = [
-            PhotoReport(
-                name=name,
-                refusal=detected.refusal,
-                remarks=tuple(
-                    remark for grid in own if (remark := remark_of(name, grid, odd=fits))
-                ),
-                exact=bool(exact),
-                found=detected.grids,
-                grids=own,
-            )
-            for detected, name, own, exact in zip(
-                detections, names, identified.grids, identified.exact, strict=True
-            )
-        ]
+    name = _name_by_markers if target.has_markers else _name_by_geometry
+    corners, named, make_evidence = name(
+        [photos[index].name for index in usable], [found[index] for index in usable], target, size
+    )
     reports = [
         PhotoReport(name=photo.name, refusal=detected.refusal)
         for photo, detected in zip(photos, found, strict=True)
     ]
-    for number, (index, part) in enumerate(zip(usable, parts, strict=True)):
-        board = corners.board[corners.image == number]
-        boards = tuple(corners.boards[one] for one in np.unique(board))
-        reports[index] = replace(part, boards=boards, corners=len(board))
-    about: dict[str, Any] = {
-        "photos": len(photos),
-        "names": names,
-        "picture": lambda number: photos[usable[number]].grey_if_readable(),
-        "target": target,
-        "with_boards": sum(with_boards),
-        "lost": [
-            report.loss
-            for report, shows in zip(reports, with_boards, strict=True)
-            if shows and report.loss is not None
-        ],
-    }
-    findings = find_faults(
-        MarkerEvidence(**about, corners=corners, grids=grids)
-        if identified is None
-        else GridEvidence(**about, identified=identified)
+    for number, (index, report) in enumerate(zip(usable, named, strict=True)):
+        reports[index] = report.with_corners(corners, number)
+    lost = [report.loss for report in compress(reports, showing)]
+    evidence = make_evidence(
+        photos=len(photos),
+        names=corners.images,
+        picture=lambda number: photos[usable[number]].grey_if_readable(),
+        target=target,
+        with_boards=sum(showing),
+        lost=[why for why in lost if why is not None],
     )
+    findings = find_faults(evidence)
     _refuse(findings, named=len(corners.pixel) > 0)
     if not len(corners.pixel):
         raise _explain_no_checkerboard(found)
@@ -306,8 +267,60 @@ def _name_corners(
         corners=corners.only_seen()[0],
         photos=tuple(reports),
         findings=tuple(findings),
-        other_colours=identified is not None and identified.other_colours,
+        other_colours=evidence.other_colours,
     )
+
+
+_Named = tuple[Observations, list[PhotoReport], Callable[..., PhotoEvidence]]
+"""Named corners, a report on each photo, and what makes evidence of both."""
+
+
+def _name_by_markers(
+    names: Sequence[str],
+    detected: Sequence[PhotoDetection],
+    target: Target,
+    size: tuple[int, int],
+) -> _Named:
+    """The corners that markers name in photos of one size."""
+    marked = [one.marked for one in detected if one.marked is not None]
+    grids = [one.grids for one in detected if one.grids is not None]
+    corners = marked_corners(marked, target, size, names)
+    reports = [
+        PhotoReport(
+            name=name,
+            refusal=one.refusal,
+            remarks=_report_twice_in_view(own, name, target),
+            found=replace(shown, grids=()),
+        )
+        for name, one, own, shown in zip(names, detected, marked, grids, strict=True)
+    ]
+    return corners, reports, partial(MarkerEvidence, corners=corners, grids=grids)
+
+
+def _name_by_geometry(
+    names: Sequence[str],
+    detected: Sequence[PhotoDetection],
+    target: Target,
+    size: tuple[int, int],
+) -> _Named:
+    """The corners that grids in photos of one size have by where they lie."""
+    grids = [one.grids.grids for one in detected if one.grids is not None]
+    identified = name_grids(grids, target, size, names)
+    fits = nominal_target_fits(identified.grids, target)
+    reports = [
+        PhotoReport(
+            name=name,
+            refusal=one.refusal,
+            remarks=remarks_of(name, own, odd=fits),
+            exact=bool(exact),
+            found=one.grids,
+            grids=own,
+        )
+        for name, one, own, exact in zip(
+            names, detected, identified.grids, identified.exact, strict=True
+        )
+    ]
+    return identified.corners, reports, partial(GridEvidence, identified=identified)
 
 
 def _refuse(findings: Sequence[Finding], *, named: bool) -> None:

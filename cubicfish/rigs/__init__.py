@@ -13,3 +13,7 @@ own turn together, by noise and by shots that are left out; `start.py` refuses e
 `faults.py` says what else is wrong; `times.py` fits by the flow of corners when each photo was
 taken, where cameras run free. `stereo.py` turns two cameras so that rows agree.
 """
+
+from cubicfish.lazy import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__)

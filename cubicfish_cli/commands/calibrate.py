@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from cubicfish.errors import CubicfishError, OutputError, UsageError
-from cubicfish.files.whole_files import Content, StrPath, refuse_existing, write_files
-from cubicfish.listener import Event
-from cubicfish.run import RUN, Run, made_at, made_by_record
+from cubicfish import CubicfishError, Event, OutputError, Run, UsageError
+from cubicfish.files import Content, StrPath, refuse_existing, write_files
+from cubicfish.run import RUN, made_at, made_by_record
 from cubicfish.wording import plural
 from cubicfish_cli.core_table import CALIBRATION_FILES, FRAMES
 from cubicfish_cli.extension_guard import Place, extensions
@@ -44,14 +43,10 @@ from cubicfish_cli.terminal.terminal import (
 from cubicfish_cli.words.phrases import counted
 
 if TYPE_CHECKING:
-    from cubicfish.fit.calibration import Calibration
+    from cubicfish import Calibration, CubicCamera, Observations, Target, Verdict
     from cubicfish.fit.model_selection import RefineTarget
-    from cubicfish.judge.fit_record import FitRecord
-    from cubicfish.judge.verdict import Verdict
-    from cubicfish.models.cubic import CubicCamera
-    from cubicfish.target.observations import Observations
-    from cubicfish.target.target import Target
-    from cubicfish_cli.foreign.point_fit import PointCalibration
+    from cubicfish.fit.point_fit import PointCalibration
+    from cubicfish.judge import FitRecord
     from cubicfish_cli.observe import Inputs
 
 _LONGEST_TITLE = 100
@@ -199,9 +194,8 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
     if options.most is not None and (pairs is not None or tables_among(paths)):
         raise UsageError("--most goes with photos and films, not with CSV files")
     made_at()  # an unusable date is an error before the work, not after
-    from cubicfish.fit.calibration import Calibration
-    from cubicfish.sufficiency.sufficiency import summary
     from cubicfish_cli.observe import load_inputs, recorded_as
+    from cubicfish_cli.words.sufficiency import summary
 
     read = [path for path in (*paths, source.path, pairs) if path is not None]
     more = {
@@ -244,12 +238,12 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
     how: dict[str, Any] = {"hold_out": options.hold_out}
     fitted: Calibration | PointCalibration
     if options.lift == "point":
-        from cubicfish_cli.foreign.point_fit import calibrate_points
+        from cubicfish.fit.point_fit import calibrate_points
 
         run.listener.progress("Fitting")
         fitted, how = calibrate_points(loaded.pairs, **how), {"lift": options.lift}
     else:
-        from cubicfish.calibration import calibrate
+        from cubicfish import calibrate
 
         how["refine_target"] = options.refine_target or "auto"
         fitted = calibrate(loaded.given, **how, listener=run.listener)
@@ -278,15 +272,12 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
         overwrite=run.overwrite,
         obsolete=obsolete if run.overwrite else (),
     )
-    advice = None
-    if isinstance(fitted, Calibration):
-        advice = summary(fitted.camera, fitted.fit, fitted.pairs)
     return CalibratedFiles(
         fitted=fitted,
         inputs=loaded,
         files=files,
         removed=[path for path in obsolete if not path.exists()],
-        advice=advice,
+        advice=summary(fitted, fitted.pairs),
     )
 
 
@@ -304,7 +295,7 @@ def _make_contents(
 
     ``map`` is None where it would take gigabytes.
     """
-    from cubicfish.fit.calibration import Calibration
+    from cubicfish import Calibration
     from cubicfish.io.corners_csv import corners_text
     from cubicfish.target.target import target_text
 
@@ -319,8 +310,8 @@ def _make_contents(
 
 
 def _make_map(camera: CubicCamera) -> Content | None:
+    from cubicfish import build_map
     from cubicfish.photos.photos import MAX_PIXELS
-    from cubicfish.views.maps import build_map
     from cubicfish_cli.undistortion.choose import build_view
     from cubicfish_cli.undistortion.map_formats import MapInBands, write_npz
 

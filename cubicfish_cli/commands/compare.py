@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import UsageError
-from cubicfish.files.whole_files import StrPath, refuse_existing
-from cubicfish.run import RUN, Run
+from cubicfish import Run, UsageError
+from cubicfish.files import StrPath, refuse_existing
+from cubicfish.run import RUN
 from cubicfish_cli.inputs.paths import in_folder, path_or_none
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import enforce_max_rms, print_figure, print_spread, px
@@ -17,7 +17,7 @@ from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_table, result
 
 if TYPE_CHECKING:
-    from cubicfish.comparison import Comparison
+    from cubicfish import Comparison
 
 _DRAWN_PIXELS = 150_000
 
@@ -73,7 +73,7 @@ def compare_files(options: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
         OutputError: the picture exists and may not be replaced, or cannot be written.
 
     """
-    from cubicfish.comparison import compare
+    from cubicfish import compare
     from cubicfish.io.camera_keys import read_camera
     from cubicfish_cli.undistortion.images import check_suffix, write_picture
 

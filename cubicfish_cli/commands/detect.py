@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run
+from cubicfish import Run
+from cubicfish.files import StrPath
+from cubicfish.run import RUN
 from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import named_photos, paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
@@ -18,8 +19,7 @@ from cubicfish_cli.terminal.progress import How, report_found
 from cubicfish_cli.terminal.terminal import print_message, result
 
 if TYPE_CHECKING:
-    from cubicfish.find.identification.identified import Detection
-    from cubicfish.target.target import Target
+    from cubicfish import Detection, Target
 
 _FEW_CORNERS = 20
 
@@ -98,10 +98,10 @@ def detect_files(options: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
     """
     source, file = TargetSource.of(options.target), Path(options.table)
     source.check()
-    from cubicfish.files.whole_files import refuse_existing
-    from cubicfish.io.corners_csv import save_corners
+    from cubicfish import save_corners
+    from cubicfish.files import refuse_existing
     from cubicfish.observe.detection import drawings, find_corners
-    from cubicfish.photos.photos import read_grey
+    from cubicfish.photos import read_grey
     from cubicfish_cli.render.overlay import draw_found
     from cubicfish_cli.undistortion.images import write_picture
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import click
 
-from cubicfish.errors import UsageError
-from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN, Run
+from cubicfish import Run, UsageError
+from cubicfish.files import StrPath, refuse_existing, write_files
+from cubicfish.run import RUN
 from cubicfish_cli.extension_guard import written_formats
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.terminal import parameters
@@ -116,8 +116,7 @@ def export_files(options: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish.io.camera_yaml import load_camera
-    from cubicfish.views.maps import build_map
+    from cubicfish import build_map, load_camera
     from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, printed
     from cubicfish_cli.undistortion.choose import build_view
     from cubicfish_cli.undistortion.map_formats import save_map

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish.errors import CubicfishError, FitError
+from cubicfish import CubicfishError, FitError
+from cubicfish.fit.to_lens import Conversion, to_lens
 from cubicfish.io.camera_yaml import Calibrated
 from cubicfish.wording import did_you_mean, quoted
 from cubicfish_cli import __version__
 from cubicfish_cli.extension_guard import Place, written_formats
 from cubicfish_cli.foreign.file_contents import PlacedLens
 from cubicfish_cli.foreign.foreign_files import OWN_FIELD
-from cubicfish_cli.foreign.to_lens import Conversion, to_lens
 from cubicfish_cli.viewpoints.truth import rotation_matrix
 
 # Of formats of one tool, the one that follows decentred lenses best.

@@ -8,8 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN, Run
+from cubicfish import Run
+from cubicfish.files import StrPath, refuse_existing, write_files
+from cubicfish.run import RUN
 from cubicfish_cli.commands.view_options import report_unseen, view_options
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.terminal import parameters
@@ -19,8 +20,8 @@ from cubicfish_cli.terminal.terminal import print_message, print_wrote, result
 from cubicfish_cli.undistortion.options import ViewOptions
 
 if TYPE_CHECKING:
-    from cubicfish.files.whole_files import Content
-    from cubicfish.views.view import View
+    from cubicfish import View
+    from cubicfish.files import Content
     from cubicfish_cli.undistortion.choose import ChosenView
     from cubicfish_cli.undistortion.map_formats import MapInBands
 
@@ -114,8 +115,9 @@ def map_files(options: MapOptions, *, run: Run = RUN) -> MapFiles:
             not be replaced.
 
     """
+    from cubicfish import build_map
     from cubicfish.io.camera_keys import read_camera
-    from cubicfish.views.maps import build_map, camera_for_photos
+    from cubicfish.views import camera_for_photos
     from cubicfish_cli.undistortion.choose import chosen_view
     from cubicfish_cli.undistortion.map_formats import (
         MapInBands,

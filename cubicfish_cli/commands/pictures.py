@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import CubicfishError, OutputError, UsageError, ViewError
-from cubicfish.files.whole_files import Content, refuse_existing, refuse_outside, write_files
+from cubicfish import CubicfishError, OutputError, Run, UsageError, ViewError
+from cubicfish.files import Content, refuse_existing, write_files
+from cubicfish.files.whole_files import refuse_outside
 from cubicfish.listener import SILENT
-from cubicfish.photos.photos import SUFFIXES, VIDEO_SUFFIXES, shown
-from cubicfish.run import Run
+from cubicfish.photos import shown
+from cubicfish.photos.photos import SUFFIXES, VIDEO_SUFFIXES
 from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.undistortion.batch import Job, Views, write_many
@@ -71,8 +72,9 @@ class UndistortedFiles:
 
 def _record_failure(name: str, error: CubicfishError) -> dict[str, Any]:
     """Return a failure as plain data: a finding, and its name and problem."""
-    from cubicfish.judge.codes import Code, Severity
-    from cubicfish.judge.finding import Finding
+    from cubicfish import Finding
+    from cubicfish.judge import Severity
+    from cubicfish.judge.codes import Code
     from cubicfish_cli.words.catalogue import write_error
 
     problem = write_error(error)

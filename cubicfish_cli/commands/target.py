@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish.errors import OutputError, UsageError
-from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN, Run
+from cubicfish import OutputError, Run, UsageError
+from cubicfish.files import StrPath, refuse_existing, write_files
+from cubicfish.run import RUN
 from cubicfish.wording import plural
 from cubicfish_cli.core_table import COMMANDS, commands_of
 from cubicfish_cli.inputs.paths import path_or_none
@@ -30,9 +30,9 @@ from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_table, result
 
 if TYPE_CHECKING:
+    from cubicfish import Target
     from cubicfish.diagnosis.object_check import ObjectFacts, Turn
-    from cubicfish.target.boards.board import Board
-    from cubicfish.target.target import Target
+    from cubicfish.target import Board
 
 _LABEL = 12
 # More examples than this are not read.

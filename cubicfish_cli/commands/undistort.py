@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish.errors import OutputError, PhotoError, UsageError
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run
+from cubicfish import OutputError, PhotoError, Run, UsageError
+from cubicfish.files import StrPath
+from cubicfish.run import RUN
 from cubicfish.wording import plural
 from cubicfish_cli.commands.view_options import (
     report_unseen,
@@ -32,9 +32,8 @@ from cubicfish_cli.undistortion.options import (
 )
 
 if TYPE_CHECKING:
+    from cubicfish import CubicCamera, View
     from cubicfish.io.camera_yaml import Calibrated
-    from cubicfish.models.cubic import CubicCamera
-    from cubicfish.views.view import View
     from cubicfish_cli.commands.pictures import UndistortedFiles
     from cubicfish_cli.undistortion.batch import Views
 
@@ -164,8 +163,8 @@ def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> Undistorted
         CubicfishError: the camera, the target or the executor cannot be used.
 
     """
+    from cubicfish import CubicCamera
     from cubicfish.io.camera_keys import read_camera
-    from cubicfish.models.cubic import CubicCamera
     from cubicfish_cli.commands.pictures import plan_pictures, write_pictures
     from cubicfish_cli.undistortion.batch import Views
 

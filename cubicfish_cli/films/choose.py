@@ -15,8 +15,8 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from cubicfish import FloatArray, IntArray
 from cubicfish.geometry import outermost
-from cubicfish.types import FloatArray, IntArray
 
 # The parts of the picture: columns and rows, fine for places and coarse for what is seen there.
 _FINE, _COARSE = (12, 9), (4, 3)

@@ -16,9 +16,18 @@ from pathlib import Path
 
 import numpy as np
 
+from cubicfish import (
+    DetectionError,
+    Event,
+    Finding,
+    FitError,
+    FloatArray,
+    Observations,
+    Run,
+    Target,
+)
 from cubicfish.diagnosis.corner_count import squares_of_grids
 from cubicfish.diagnosis.evidence import GridEvidence
-from cubicfish.errors import DetectionError, FitError
 from cubicfish.find.detection.grids import FoundGrids
 from cubicfish.find.identification.quick_detect import (
     QuickDetection,
@@ -26,18 +35,13 @@ from cubicfish.find.identification.quick_detect import (
     quick_detect,
     quick_detect_near,
 )
-from cubicfish.judge.codes import Code, Severity
-from cubicfish.judge.finding import Finding
-from cubicfish.listener import Event
+from cubicfish.judge import Severity
+from cubicfish.judge.codes import Code
 from cubicfish.observe.detection import first_pass
 from cubicfish.observe.photo_detection import GridCache, detect_in_photo
-from cubicfish.photos.photos import Photo
-from cubicfish.run import Run
+from cubicfish.photos import Photo
 from cubicfish.sufficiency.information_gain import InformationGain
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target
-from cubicfish.types import FloatArray
-from cubicfish.workers.pool import Work
+from cubicfish.workers import Work
 from cubicfish_cli.films.choose import FEWEST, Choice, Patch, Seen, choose
 from cubicfish_cli.films.measure import sharpness
 from cubicfish_cli.films.scan import still_px

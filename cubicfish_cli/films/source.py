@@ -12,8 +12,10 @@ from os.path import realpath
 from pathlib import Path
 from typing import Any
 
-from cubicfish.errors import MISSING, OutputError, PhotoError
-from cubicfish.photos.photos import MAX_PIXELS, shown
+from cubicfish import OutputError, PhotoError
+from cubicfish.errors import MISSING
+from cubicfish.photos import shown
+from cubicfish.photos.photos import MAX_PIXELS
 from cubicfish_cli.films.recordings import Recording, label_of
 from cubicfish_cli.inputs.paths import is_recording
 

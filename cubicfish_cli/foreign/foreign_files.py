@@ -4,9 +4,9 @@ import re
 from pathlib import Path
 from typing import Any
 
-from cubicfish.errors import CameraFileError, UsageError
-from cubicfish.files.reading import read_bytes, read_text
-from cubicfish.models.lens import Lens
+from cubicfish import CameraFileError, UsageError
+from cubicfish.files import read_bytes, read_text
+from cubicfish.models import Lens
 from cubicfish_cli.extension_guard import Place, read_formats
 
 OWN_FIELD = "the camera is trusted to"

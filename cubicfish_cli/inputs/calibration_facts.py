@@ -14,31 +14,36 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cubicfish import (
+    BoolArray,
+    Calibration,
+    CubicCamera,
+    FloatArray,
+    Observations,
+    Target,
+    load_any_camera,
+    load_corners,
+)
 from cubicfish.angles import angle_from_axis
 from cubicfish.files.fingerprint import sha256_of
-from cubicfish.fit.calibration import Calibration
 from cubicfish.fit.coverage import FieldCells, field_cells
-from cubicfish.io.camera_yaml import CameraRecord, load_any_camera
-from cubicfish.io.corners_csv import load_corners, load_correspondences
-from cubicfish.judge.fit_record import FileRecord, FitRecord, Origin, PhotoRecord
+from cubicfish.io.camera_yaml import CameraRecord
+from cubicfish.io.corners_csv import load_correspondences
+from cubicfish.judge import FitRecord, PhotoRecord
+from cubicfish.judge.fit_record import FileRecord, Origin
 from cubicfish.judge.verdict import photo_verdicts
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.photos.photos import find_photos
-from cubicfish.solve.poses import rotation_from_vector
+from cubicfish.photos import find_photos
 from cubicfish.solve.statistics import rms_px
-from cubicfish.solve.subset import select
-from cubicfish.sufficiency.sufficiency import summary
-from cubicfish.target.observations import Observations
 from cubicfish.target.placement import best_named
-from cubicfish.target.target import Target
-from cubicfish.types import BoolArray, FloatArray
 from cubicfish.wording import quoted
 from cubicfish_cli.inputs.target_source import target_in
+from cubicfish_cli.viewpoints.truth import camera_points
 from cubicfish_cli.words.camera import photo_words
+from cubicfish_cli.words.sufficiency import summary
 
 if TYPE_CHECKING:
-    from cubicfish.models.point import PointCamera
-    from cubicfish_cli.foreign.point_fit import PointCalibration
+    from cubicfish.fit.point_fit import PointCalibration
+    from cubicfish.models import PointCamera
 
 REFINED = ("shape", "points")
 """What ``refine_target`` of a fit's record says where the target was fitted too."""
@@ -192,9 +197,7 @@ def gather(
         files=files,
         digests=digests or {},
         absent=tuple(lines),
-        advice=summary(camera, fit, errors.pairs)
-        if errors is not None and isinstance(camera, CubicCamera)
-        else None,
+        advice=None if errors is None else summary(known, errors.pairs),
     )
 
 
@@ -210,8 +213,8 @@ def _measure_residuals(
         poses = {photo.image: (np.zeros(3), np.zeros(3)) for photo in fit.per_image}
     for photo, name in enumerate(pairs.images):
         if name in poses:
-            own, (vector, shift) = pairs.image == photo, poses[name]
-            points[own] = pairs.world[own] @ rotation_from_vector([vector])[0].T + shift
+            own = pairs.image == photo
+            points[own] = camera_points(poses[name], pairs.world[own])
     return points, camera.project(points, near=True) - pairs.pixel
 
 
@@ -231,7 +234,7 @@ def _measure_errors(
         kept[order[fit.corners :]] = False
     if not kept.any():
         return None, "no corner at hand is of a photo of this fit, where the camera may be trusted"
-    used, _ = select(pairs, kept)
+    used, _ = pairs.select(kept).only_seen()
     residual, points = residual[kept], points[kept]
     before, now = fit.rms_px, rms_px(residual)
     if abs(now - before) > max(_SAME_RMS * before, _SAME_RMS_PX):

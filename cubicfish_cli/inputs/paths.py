@@ -9,19 +9,14 @@ from glob import has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish.errors import (
-    MISSING,
-    CameraFileError,
-    CubicfishError,
-    UsageError,
-)
-from cubicfish.files.whole_files import StrPath
-from cubicfish.listener import Listener
+from cubicfish import CameraFileError, CubicfishError, Listener, UsageError
+from cubicfish.errors import MISSING
+from cubicfish.files import StrPath
 from cubicfish.wording import quoted
 
 if TYPE_CHECKING:
-    from cubicfish.photos.photos import Photo
-    from cubicfish.run import Run
+    from cubicfish import Run
+    from cubicfish.photos import Photo
     from cubicfish_cli.inputs.target_source import TargetSource
 
 RECORDING_SUFFIXES = (".bag", ".mcap", ".db3")
@@ -152,8 +147,8 @@ def named_photos(inputs: Sequence[StrPath], listener: Listener) -> list[Photo]:
         PhotoError: there are none, or one cannot be used.
 
     """
-    from cubicfish.listener import Event
-    from cubicfish.photos.photos import find_photos
+    from cubicfish import Event
+    from cubicfish.photos import find_photos
 
     lines: list[str] = []
     photos = find_photos(inputs, lines)

@@ -9,11 +9,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish import BoolArray, Finding, FloatArray, IntArray, Observations
 from cubicfish.find.identification.identified import CODES, Decided, PhotoReport
-from cubicfish.judge.finding import Finding
-from cubicfish.photos.photos import Picture
-from cubicfish.target.observations import Observations
-from cubicfish.types import BoolArray, FloatArray, IntArray
+from cubicfish.photos import Picture
 
 ColourPicture = npt.NDArray[np.uint8]
 Colour = tuple[int, int, int]  # blue, green, red

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from cubicfish.errors import CubicfishError
+from cubicfish import CubicfishError
 from cubicfish.wording import did_you_mean
 from cubicfish_cli import __version__
 from cubicfish_cli.core_table import COMMANDS, commands_of

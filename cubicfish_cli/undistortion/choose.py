@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
-from cubicfish.errors import UsageError
-from cubicfish.models.cubic import CubicCamera
+from cubicfish import CubicCamera, UndistortMap, UsageError, View, build_map
+from cubicfish.views import CentralView, PointProjector
 from cubicfish.views.fields import (
     Fit,
     axis_focal,
@@ -16,15 +16,8 @@ from cubicfish.views.fields import (
     lost_shares,
     seen_field_deg,
 )
-from cubicfish.views.maps import UndistortMap, WholePhoto, build_map
-from cubicfish.views.view import (
-    Camera,
-    CentralView,
-    PointProjector,
-    View,
-    face_views,
-    rotation_from_angles,
-)
+from cubicfish.views.maps import WholePhoto
+from cubicfish.views.view import Camera, face_views, rotation_from_angles
 from cubicfish_cli.undistortion.options import KINDS, OUTER, WHOLE, Kind, ViewOptions
 
 MAX_DEFAULT_FIELD_DEG = 120.0

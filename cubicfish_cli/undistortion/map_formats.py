@@ -19,13 +19,12 @@ from zipfile import ZipFile
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.errors import OutputError, UsageError, ViewError
-from cubicfish.files.whole_files import Content, whole_file
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.types import BoolArray
+from cubicfish import BoolArray, CubicCamera, OutputError, UndistortMap, UsageError, View, ViewError
+from cubicfish.files import Content, whole_file
+from cubicfish.views import CentralView
 from cubicfish.views.fields import in_picture
-from cubicfish.views.maps import OUTSIDE, UndistortMap
-from cubicfish.views.view import MAX_SIDE, CentralView, View
+from cubicfish.views.maps import OUTSIDE
+from cubicfish.views.view import MAX_SIDE
 from cubicfish_cli.undistortion.images import encode_picture, part_name
 
 Floats = npt.NDArray[np.float32]

@@ -11,11 +11,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from cubicfish.errors import UsageError
+from cubicfish import UsageError
 from cubicfish.wording import did_you_mean, either, quoted
 
 if TYPE_CHECKING:
-    from cubicfish.target.target import Target
+    from cubicfish import Target
     from cubicfish.views.fields import Fit
 
 Kind = Literal[
@@ -164,7 +164,7 @@ def _refuse_for_cube(limits: Sequence[str], size: tuple[int, int] | None) -> Non
 
 def _refuse_too_wide(kind: str, axis: int, angle_deg: float) -> None:
     """Raise :class:`UsageError` where a kind of view cannot show a field across or down."""
-    from cubicfish.views.view import PROJECTIONS  # it loads numpy, which help does without
+    from cubicfish.views import PROJECTIONS
 
     def shows(name: str) -> bool:
         limit, closed = PROJECTIONS[name].widest[axis]

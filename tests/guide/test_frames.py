@@ -11,14 +11,11 @@ pytest.importorskip("av")
 from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film
 from listening import Heard
 
-from cubicfish.errors import DetectionError, PhotoError
+from cubicfish import DetectionError, Finding, Observations, PhotoError, Run, Target, read_picture
 from cubicfish.find.detection.grids import FoundGrids, Grid
-from cubicfish.judge.codes import Code, Severity
-from cubicfish.judge.finding import Finding
-from cubicfish.photos.photos import Photo, read_picture
-from cubicfish.run import Run
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target
+from cubicfish.judge import Severity
+from cubicfish.judge.codes import Code
+from cubicfish.photos import Photo
 from cubicfish_cli.extensions.films.command import FramesOptions, choose_frames
 from cubicfish_cli.films import frame_search
 from cubicfish_cli.films.choose import Choice, Patch, Seen

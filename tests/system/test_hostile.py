@@ -169,7 +169,7 @@ def test_names_that_collide_once_their_kind_changes_do_not_replace_each_other(
     arguments = ("detect", here, "--target", TARGET, "--draw", here / "seen", "--no-cache")
     run(*arguments, code=1)
     from cubicfish.observe.detection import drawings
-    from cubicfish.photos.photos import find_photos
+    from cubicfish.photos import find_photos
 
     places = drawings(here / "seen", find_photos([here]))
     assert len(set(places.values())) == 3

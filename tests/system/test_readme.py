@@ -14,8 +14,8 @@ import yaml
 from running import SAMPLE, run_cli
 from saved_maps import read_map
 
-from cubicfish.io.camera_yaml import load_camera
-from cubicfish.rigs.rig import Rig, RigFit
+from cubicfish import Rig, load_camera
+from cubicfish.rigs.rig import RigFit
 from cubicfish.target.target import load_target
 from cubicfish_cli.core_table import COMMANDS, commands_of
 from cubicfish_cli.extension_guard import extension_commands

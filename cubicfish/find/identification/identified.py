@@ -201,6 +201,12 @@ class PhotoReport:
     found: FoundGrids | None = None
     grids: tuple[GridReport, ...] = ()
 
+    def with_corners(self, corners: Observations, number: int, added: int = 0) -> PhotoReport:
+        """The report with what corners its photo has: that of this number in their table."""
+        board = corners.board[corners.image == number]
+        boards = tuple(corners.boards[one] for one in np.unique(board))
+        return replace(self, boards=boards, corners=len(board), added=added)
+
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is reported of it, thing by thing."""
@@ -288,6 +294,12 @@ def remark_of(photo: str, grid: GridReport, *, odd: bool = False) -> Finding | N
         images=(photo,),
         figures={"grids": 1, "columns": columns, "rows": rows, "corners": grid.corners},
     )
+
+
+def remarks_of(photo: str, grids: Sequence[GridReport], *, odd: bool) -> tuple[Finding, ...]:
+    """What is to be said of a photo's grids; see :func:`remark_of`."""
+    remarks = (remark_of(photo, grid, odd=odd) for grid in grids)
+    return tuple(one for one in remarks if one is not None)
 
 
 def remark_lines(findings: Sequence[Finding]) -> list[str]:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import CubicfishError, OutputError, UsageError
-from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN, Run
+from cubicfish import CubicfishError, OutputError, Run, UsageError
+from cubicfish.files import StrPath, refuse_existing, write_files
+from cubicfish.run import RUN
 from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import in_folder, path_or_none
 from cubicfish_cli.render import drawing as extra
@@ -86,7 +86,7 @@ def advise_files(options: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish.models.cubic import CubicCamera
+    from cubicfish.io.camera_yaml import Calibrated
     from cubicfish_cli.extensions.advice.advise import advise
     from cubicfish_cli.inputs.calibration_facts import facts_of_files
 
@@ -102,7 +102,7 @@ def advise_files(options: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
     facts = facts_of_files(path, target=drawn, photos=(), corners=given)
     if given is not None and facts.target is None:
         raise UsageError("name the target of these corners with --target target.yaml")
-    if not isinstance(facts.camera, CubicCamera):
+    if not isinstance(facts.known, Calibrated):
         raise CubicfishError(
             f"{path} is of lift 'point', which has no rays: its uncertainty over the field, "
             "and what would lower it, cannot be worked out; calibrate with --lift ray for this"
@@ -112,9 +112,7 @@ def advise_files(options: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
         do = "name the target with --target" if beside else "name the corners with --corners"
         raise CubicfishError(f"{path}: {facts.lack}: {do}")
     run.listener.progress("Looking for photos that would help")
-    advice = advise(
-        facts.camera, facts.fit, facts.errors.pairs, facts.target, goal_px=options.goal_px
-    )
+    advice = advise(facts.known, facts.errors.pairs, facts.target, goal_px=options.goal_px)
     if drawing is not None:
         with extra.quiet():
             from cubicfish_cli.extensions.advice.picture import advice_picture
@@ -195,11 +193,13 @@ def _describe_how_many(advice: Advice) -> str:
 
 
 def _print_gaps(advice: Advice) -> None:
+    from cubicfish_cli.words.sufficiency import part_words
+
     parts = advice.gaps.parts
     if parts:
         result("No corners here:")
         for part in parts[:_MOST_PARTS]:
-            result(f"  {part.words}")
+            result(f"  {part_words(part)}")
         if len(parts) > _MOST_PARTS:
             result(f"  and {plural(len(parts) - _MOST_PARTS, 'smaller part')}")
         result()

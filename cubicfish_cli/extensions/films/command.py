@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish.errors import PhotoError
-from cubicfish.files.whole_files import StrPath
-from cubicfish.listener import Event
-from cubicfish.run import RUN, Run
+from cubicfish import Event, PhotoError, Run
+from cubicfish.files import StrPath
+from cubicfish.run import RUN
 from cubicfish.wording import plural
 from cubicfish_cli.films import MOST
 from cubicfish_cli.inputs.paths import paths_of
@@ -24,7 +23,7 @@ from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_next, result
 
 if TYPE_CHECKING:
-    from cubicfish.target.target import Target
+    from cubicfish import Target
 
 
 @record
@@ -91,7 +90,7 @@ def choose_frames(options: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
             not installed.
 
     """
-    from cubicfish.files.whole_files import refuse_existing
+    from cubicfish.files import refuse_existing
     from cubicfish_cli.extensions.films.frames import chosen_of, scanned
     from cubicfish_cli.extensions.films.written import SHEET, write_chosen
     from cubicfish_cli.films.scan import room_for_frames
@@ -181,7 +180,7 @@ def command(chosen: ChosenFrames, given: FramesOptions, how: How) -> None:
     The chosen frames are sharp and still, and each shows something that the others do not: corners
     in another part of the picture, or a board from another side.
     """
-    from cubicfish.photos.photos import shown
+    from cubicfish.photos import shown
 
     if not how.print(chosen):
         _print(chosen, given)

@@ -5,12 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from cubicfish.errors import DetectionError
+from cubicfish import DetectionError, Listener, Run, Target
 from cubicfish.files.frame_names import frame_name
-from cubicfish.listener import Listener
-from cubicfish.photos.photos import Photo, shown
-from cubicfish.run import Run
-from cubicfish.target.target import Target
+from cubicfish.photos import Photo, shown
 from cubicfish.wording import listed, plural
 from cubicfish_cli.films.choose import Scale, Seen
 from cubicfish_cli.films.frame_search import Search, why_ended

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run, made_at, made_by_record
+from cubicfish import Run
+from cubicfish.files import StrPath
+from cubicfish.run import RUN, made_at, made_by_record
 from cubicfish_cli.extension_guard import read_formats
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
@@ -78,8 +79,8 @@ def import_files(options: ImportOptions, *, run: Run = RUN) -> Imported:
             replaced.
 
     """
+    from cubicfish.files import refuse_existing
     from cubicfish.files.fingerprint import fingerprint
-    from cubicfish.files.whole_files import refuse_existing
     from cubicfish_cli.extensions.formats.importing import import_camera
 
     made_at()  # an unusable date is an error before the work, not after

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from cubicfish.errors import UsageError
-from cubicfish.files.whole_files import Content, StrPath, refuse_existing, write_files
-from cubicfish.listener import Event
-from cubicfish.run import RUN, Run
+from cubicfish import Event, Run, UsageError
+from cubicfish.files import Content, StrPath, refuse_existing, write_files
+from cubicfish.run import RUN
 from cubicfish.wording import plural
 from cubicfish_cli import __version__
 from cubicfish_cli.inputs.target_source import length_mm, target_in

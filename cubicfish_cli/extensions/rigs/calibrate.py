@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish.errors import UsageError
-from cubicfish.files.whole_files import StrPath, refuse_existing
-from cubicfish.listener import Event
-from cubicfish.run import RUN, Run, made_at, made_by_record
+from cubicfish import Event, Run, UsageError
+from cubicfish.files import StrPath, refuse_existing
+from cubicfish.run import RUN, made_at, made_by_record
 from cubicfish.wording import plural, quoted
 from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_rig
@@ -34,10 +33,9 @@ from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import apart, print_message, print_wrote, result
 
 if TYPE_CHECKING:
+    from cubicfish import Rig, Target
     from cubicfish.fit.model_selection import RefineTarget
     from cubicfish.io.camera_yaml import Calibrated
-    from cubicfish.rigs.rig import Rig
-    from cubicfish.target.target import Target
     from cubicfish_cli.extensions.rigs.films import ShotFrame
 
 
@@ -145,10 +143,8 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
             can be fitted.
 
     """
-    from cubicfish.io.camera_yaml import Calibrated, load_camera
-    from cubicfish.io.corners_csv import save_corners
-    from cubicfish.rigs.calibrate import calibrate_rig
-    from cubicfish.rigs.rig import save_rig
+    from cubicfish import calibrate_rig, load_camera, save_corners, save_rig
+    from cubicfish.io.camera_yaml import Calibrated
     from cubicfish.rigs.shots import TOLERANCE, load_shots, load_times
     from cubicfish_cli.extensions.rigs.films import keeping_frames, moving_corners, rig_frames
     from cubicfish_cli.extensions.rigs.inputs import (

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish.errors import FitError, UsageError
-from cubicfish.files.whole_files import StrPath, write_files
-from cubicfish.run import RUN, Run
+from cubicfish import FitError, Run, UsageError
+from cubicfish.files import StrPath, write_files
+from cubicfish.run import RUN
 from cubicfish_cli.commands.export import LensOptions, print_exported
 from cubicfish_cli.extension_guard import Place, written_formats
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_argument
@@ -55,7 +55,8 @@ def export_rig_files(options: RigExportOptions, *, run: Run = RUN) -> ExportedFi
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish.rigs.rig import load_rig, rig_file
+    from cubicfish import load_rig
+    from cubicfish.rigs.rig import rig_file
     from cubicfish_cli.commands.export import ExportedFiles
     from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, printed
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig

@@ -9,16 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish.errors import CubicfishError, DetectionError, PhotoError
+from cubicfish import (
+    CubicfishError,
+    DetectionError,
+    Event,
+    Listener,
+    Observations,
+    PhotoError,
+    Run,
+    Target,
+)
+from cubicfish.files import Content, csv_text, refuse_existing, write_files
 from cubicfish.files.frame_names import frame_name
-from cubicfish.files.tables import csv_text
-from cubicfish.files.whole_files import Content, refuse_existing, write_files
-from cubicfish.listener import Event, Listener
-from cubicfish.photos.photos import Photo, read_grey
+from cubicfish.photos import Photo, read_grey
 from cubicfish.rigs.times import Moving
-from cubicfish.run import Run
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target
 from cubicfish_cli.extensions.rigs.film_clocks import FilmMotion, match_films
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out
 from cubicfish_cli.films.choose import Seen, choose_shots

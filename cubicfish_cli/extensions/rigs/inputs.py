@@ -6,11 +6,10 @@ from dataclasses import replace
 from glob import has_magic
 from pathlib import Path
 
-from cubicfish.errors import CorrespondenceError
+from cubicfish import CameraFile, CorrespondenceError, Run, load_camera
 from cubicfish.files.fingerprint import fingerprint
-from cubicfish.io.camera_yaml import CameraFile, load_camera
 from cubicfish.photos.photos import VIDEO_SUFFIXES
-from cubicfish.run import RUN, Run
+from cubicfish.run import RUN
 from cubicfish_cli.films.recordings import label_of
 from cubicfish_cli.inputs.paths import check_inputs, is_recording, tables_among
 from cubicfish_cli.inputs.target_source import TargetSource

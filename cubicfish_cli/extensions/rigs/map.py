@@ -8,9 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import CameraFileError, UsageError, ViewError
-from cubicfish.files.whole_files import StrPath, refuse_existing
-from cubicfish.run import RUN, Run
+from cubicfish import CameraFileError, Run, UsageError, ViewError
+from cubicfish.files import StrPath, refuse_existing
+from cubicfish.run import RUN
 from cubicfish.wording import either
 from cubicfish_cli.commands.map import MapFiles, files_of, photo_size_option, print_maps, write_maps
 from cubicfish_cli.commands.view_options import view_bundle
@@ -21,7 +21,7 @@ from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.undistortion.options import ViewOptions
 
 if TYPE_CHECKING:
-    from cubicfish.views.view import View
+    from cubicfish import View
 
 _HELP = """Write two maps of the rig's cameras that --pair names: OUT_left.npz and OUT_right.npz.
 
@@ -94,12 +94,10 @@ def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
     """
     import numpy as np
 
+    from cubicfish import build_map, load_rig, rectify
     from cubicfish.files.plain_yaml import plain_yaml_text
-    from cubicfish.rigs.rig import load_rig, rig_file
-    from cubicfish.rigs.stereo import rectify
-    from cubicfish.views.fields import sees
-    from cubicfish.views.maps import build_map, camera_for_photos
-    from cubicfish.views.view import CentralView
+    from cubicfish.rigs.rig import rig_file
+    from cubicfish.views import CentralView, camera_for_photos, sees
     from cubicfish_cli.undistortion.choose import ChosenView, chosen_view
     from cubicfish_cli.undistortion.map_formats import MapInBands, map_paths
 

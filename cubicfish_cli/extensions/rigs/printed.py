@@ -11,8 +11,9 @@ from cubicfish_cli.terminal.figures import print_errors, print_verdict, px
 from cubicfish_cli.terminal.terminal import print_table, result
 
 if TYPE_CHECKING:
-    from cubicfish.rigs.evaluate import RigEvaluation
-    from cubicfish.rigs.rig import CameraPair, Rig
+    from cubicfish import Rig
+    from cubicfish.rigs import RigEvaluation
+    from cubicfish.rigs.rig import CameraPair
 
 
 _WORST = 10

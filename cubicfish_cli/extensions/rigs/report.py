@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN, Run
+from cubicfish import Run
+from cubicfish.files import StrPath, refuse_existing, write_files
+from cubicfish.run import RUN
 from cubicfish_cli.extensions.rigs.options import rig_argument
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.render import drawing as extra
@@ -18,7 +19,7 @@ from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
 
 if TYPE_CHECKING:
-    from cubicfish.judge.verdict import Verdict
+    from cubicfish import Verdict
 
 
 @record
@@ -62,7 +63,7 @@ def write_rig_page(rig: Path, page: Path, run: Run) -> Verdict:
         OutputError: the page is there, or cannot be written.
 
     """
-    from cubicfish.rigs.rig import load_rig
+    from cubicfish import load_rig
     from cubicfish_cli.extensions.rigs.page import rig_html
 
     loaded = load_rig(rig)

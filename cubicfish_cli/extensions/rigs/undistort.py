@@ -7,8 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run
+from cubicfish import Run
+from cubicfish.files import StrPath
+from cubicfish.run import RUN
 from cubicfish.wording import either
 from cubicfish_cli.commands.undistort import PictureOptions, named_sources, print_pictures
 from cubicfish_cli.commands.view_options import report_unseen, view_bundle
@@ -20,7 +21,7 @@ from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.undistortion.options import KINDS, ViewOptions
 
 if TYPE_CHECKING:
-    from cubicfish.views.view import View
+    from cubicfish import View
     from cubicfish_cli.commands.pictures import UndistortedFiles
 
 
@@ -86,7 +87,8 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = RUN) -> Undi
         CubicfishError: the rig or the executor cannot be used.
 
     """
-    from cubicfish.rigs.rig import load_rig, rig_file
+    from cubicfish import load_rig
+    from cubicfish.rigs.rig import rig_file
     from cubicfish_cli.commands.pictures import plan_pictures, write_pictures
     from cubicfish_cli.extensions.rigs.mosaic import Body
     from cubicfish_cli.extensions.rigs.shots import RigViews, body_for_photos, shots_of

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish.errors import OutputError, UsageError
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run
+from cubicfish import OutputError, Run, UsageError
+from cubicfish.files import StrPath
+from cubicfish.run import RUN
 from cubicfish.wording import did_you_mean, plural, quoted
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.terminal import parameters
@@ -22,10 +22,9 @@ from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_next, print_wrote, result
 
 if TYPE_CHECKING:
-    from cubicfish.files.whole_files import Content
+    from cubicfish import CubicCamera, Target
+    from cubicfish.files import Content
     from cubicfish.io.camera_yaml import Calibrated
-    from cubicfish.models.cubic import CubicCamera
-    from cubicfish.target.target import Target
 
 
 _MOST_PHOTOS = 10_000
@@ -184,11 +183,10 @@ def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFile
         OutputError: no photo shows a corner, or a file exists and may not be replaced.
 
     """
-    from cubicfish.files.whole_files import write_files
-    from cubicfish.io.camera_yaml import camera_text, load_camera
-    from cubicfish.judge.fit_record import FitRecord
-    from cubicfish.listener import Event
-    from cubicfish.models.cubic import CubicCamera
+    from cubicfish import CubicCamera, Event, load_camera
+    from cubicfish.files import write_files
+    from cubicfish.io.camera_yaml import camera_text
+    from cubicfish.judge import FitRecord
     from cubicfish_cli.extensions.simulation.simulate import (
         chosen_poses,
         photo_bytes,

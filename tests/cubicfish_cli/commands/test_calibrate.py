@@ -10,11 +10,9 @@ from pairs_csv import write_pairs
 from running import SAMPLE, Run
 from saved_maps import read_map
 
-from cubicfish.errors import OutputError
+from cubicfish import OutputError, load_camera, load_corners
 from cubicfish.files.fingerprint import sha256_of
 from cubicfish.fit import calibrate as fitting
-from cubicfish.io.camera_yaml import load_camera
-from cubicfish.io.corners_csv import load_corners
 from cubicfish.target.target import load_target
 from cubicfish_cli import __version__
 

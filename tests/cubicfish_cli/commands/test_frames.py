@@ -15,8 +15,8 @@ from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film, write_s
 from json_keys import keys_of
 from running import Run
 
+from cubicfish import load_camera
 from cubicfish.files.frame_names import film_and_time
-from cubicfish.io.camera_yaml import load_camera
 from cubicfish_cli.films import frame_search
 
 pytestmark = pytest.mark.slow
@@ -330,7 +330,7 @@ def test_the_best_of_many_photos_are_taken(
     assert "6 photos of 32 chosen" in said
     assert "6 photos: as many as were asked for" in said
     assert load_camera(out / "camera.yaml").made_by["chosen"].startswith("6 photos: ")
-    from cubicfish.io.corners_csv import load_corners
+    from cubicfish import load_corners
     from cubicfish.target.target import load_target
 
     images = load_corners(out / "corners.csv", load_target(target)).images

@@ -13,8 +13,8 @@ import pytest
 from click.testing import CliRunner
 from running import SAMPLE, Run
 
-from cubicfish.errors import FitError
-from cubicfish.io import camera_yaml
+import cubicfish
+from cubicfish import FitError
 from cubicfish_cli import __version__
 from cubicfish_cli.core_table import COMMANDS, commands_of
 from cubicfish_cli.terminal.main import cli
@@ -234,7 +234,7 @@ def test_what_a_user_can_cause_has_an_exit_code(
     def fail(path: Path) -> Any:
         raise error
 
-    monkeypatch.setattr(camera_yaml, "load_any_camera", fail)
+    monkeypatch.setattr(cubicfish, "load_any_camera", fail)
     result = run("project", "-m", "any.yaml", input="0,0,1\n", code=code)
     assert result.stderr.startswith(said)
     assert result.stdout == ""
@@ -262,7 +262,7 @@ def test_a_bug_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(path: Path) -> Any:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(camera_yaml, "load_any_camera", fail)
+    monkeypatch.setattr(cubicfish, "load_any_camera", fail)
     result = CliRunner().invoke(cli, ["project", "-m", "any.yaml"], input="0,0,1\n")
     assert isinstance(result.exception, ZeroDivisionError)
 
@@ -425,6 +425,8 @@ def test_signals_are_settled_before_anything_else_is_loaded() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == [
+        "cubicfish",
+        "cubicfish.lazy",
         "cubicfish_cli",
         "cubicfish_cli.terminal",
         "cubicfish_cli.terminal.start",

@@ -15,7 +15,7 @@ import yaml
 from pairs_csv import write_pairs
 from running import SAMPLE, Run
 
-from cubicfish.io.corners_csv import load_corners
+from cubicfish import load_corners
 from cubicfish.target.target import load_target
 
 TARGET = SAMPLE / "target.yaml"

@@ -14,7 +14,7 @@ import yaml
 from running import SAMPLE, Run
 from saved_maps import read_map
 
-from cubicfish.io.camera_yaml import load_camera
+from cubicfish import load_camera
 
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"
 

@@ -15,7 +15,7 @@ from mrcal_itself import ask_mrcal, needs_mrcal
 from running import Run
 from scipy.spatial.transform import Rotation
 
-from cubicfish.models.radial import RadialCamera
+from cubicfish.models import RadialCamera
 from cubicfish.rigs.rig import rig_text
 from cubicfish_cli import Rig, load_rig
 from cubicfish_cli.commands.export import FORMATS
