@@ -12,15 +12,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from cubicfish import CubicfishError
-from cubicfish import Event
-from cubicfish import Run
-from cubicfish import UsageError
-from cubicfish.files import Content
-from cubicfish.files import StrPath
-from cubicfish.files import write_files
-from cubicfish import OutputError
-from cubicfish.files import refuse_existing
+from cubicfish import CubicfishError, Event, Run, UsageError
+from cubicfish.files import Content, StrPath, write_files
 from cubicfish_cli.core_table import CALIBRATION_FILES, FRAMES
 from cubicfish_cli.extension_guard import Place, extensions
 from cubicfish_cli.films import MOST

@@ -9,9 +9,7 @@ from typing import Any
 import click
 
 from cubicfish import Run, UsageError
-from cubicfish.files import StrPath
-from cubicfish.files import write_files
-from cubicfish.files import refuse_existing
+from cubicfish.files import StrPath, write_files
 from cubicfish_cli.extension_guard import written_formats
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.plan import Plan
