@@ -26,11 +26,8 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # as the command l
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 
-from cubicfish.io.camera_yaml import load_camera  # noqa: E402
-from cubicfish.models.cubic import CubicCamera  # noqa: E402
-from cubicfish.run import Run  # noqa: E402
-from cubicfish.views.maps import UndistortMap, build_map, camera_for_photos  # noqa: E402
-from cubicfish.views.view import PROJECTIONS, CentralView  # noqa: E402
+from cubicfish import CubicCamera, Run, UndistortMap, build_map, load_camera  # noqa: E402
+from cubicfish.views import PROJECTIONS, CentralView, camera_for_photos  # noqa: E402
 from cubicfish_cli.undistortion.batch import Job, write_many, write_one  # noqa: E402
 from cubicfish_cli.undistortion.images import remap_picture  # noqa: E402
 
@@ -243,12 +240,12 @@ def measure_memory(model: Path, folder: Path) -> None:
 def measure_video(camera: CubicCamera, folder: Path) -> None:
     import av
 
-    from cubicfish.listener import SILENT
+    from cubicfish import Listener
     from cubicfish_cli.undistortion.video import DEFAULT_CRF, VideoViews
 
     size = (1920, 1080)
     view = CentralView.with_field("perspective", 110, size)
-    views = VideoViews(of_size(camera, size), view, "linear", DEFAULT_CRF, SILENT)
+    views = VideoViews(of_size(camera, size), view, "linear", DEFAULT_CRF, Listener())
     source = folder / "in.mp4"
     still = photos(folder / "still", 1, (2200, 1300))[0]
     whole = cv2.cvtColor(cv2.imread(str(still)), cv2.COLOR_BGR2RGB)
@@ -432,7 +429,7 @@ def measure_real(folder: Path) -> None:
     if not REAL.exists():
         print("real photos are not there: skipped")
         return
-    from cubicfish.io.corners_csv import load_corners
+    from cubicfish import load_corners
     from cubicfish.target.target import load_target
 
     target = load_target(REAL / "target.yaml")

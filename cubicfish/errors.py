@@ -5,13 +5,13 @@ says what, where and what to do next. The command line turns it into ``Error: ..
 exit code 1; a library caller can also catch the built-in class it derives from.
 """
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from types import MappingProxyType
 from typing import Any, Self
 
-MISSING = "does not exist: check the name and the current folder"
-"""What a message says about a missing file, after its name."""
+from cubicfish.wording import shown
 
 
 class CubicfishError(Exception):
@@ -42,6 +42,12 @@ class CubicfishError(Exception):
         self.arguments, self.findings = dict(arguments), tuple(findings)
         self._before = self._after = ""
         super().__init__(self.text(self.arguments))
+
+    @classmethod
+    def missing(cls, path: str | os.PathLike[str], *, do: str = "") -> Self:
+        """The error about a file that is not there; ``do`` is what else may be done about it."""
+        check = "check the name and the current folder"
+        return cls(f"{shown(path)} does not exist", do=f"{check}, or {do}" if do else check)
 
     def text(
         self,

@@ -3,3 +3,7 @@
 `FitRecord` (`fit_record.py`) is the one record, from the fit to camera.yaml and back; `records.py`
 makes plain data of it. `verdict.py` judges by it, and `camera_facts.py` has the key figures.
 """
+
+from cubicfish.lazy import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__)

@@ -24,7 +24,6 @@ from cubicfish.judge.fit_record import (
 )
 from cubicfish.judge.uncertainty import CERTAIN_PX, FieldUncertainty, of_size
 from cubicfish.types import FloatArray
-from cubicfish.wording import plural
 
 # Corners of a sharp photo are found to a tenth of a pixel. An error of a whole pixel means that
 # something is wrong, and no camera that comes of it is worth using.
@@ -201,7 +200,7 @@ def _state_fit(fit: FitRecord) -> str:
             f"{fit.covered_deg:.0f}° from the axis"
         )
     if out := len(fit.unfit_images):
-        parts.append(f"{plural(out, 'photo')} left out")
+        parts.append(f"{out} photo{'s' * (out != 1)} left out")
     return ", ".join(parts) or _UNKNOWN
 
 

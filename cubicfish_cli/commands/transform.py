@@ -9,17 +9,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import UsageError, ViewError
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run, made_by_record
+from cubicfish import Run, UsageError, ViewError
+from cubicfish.files import StrPath
 from cubicfish_cli.inputs.paths import in_folder
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, Parsed, as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_wrote, result
 
 if TYPE_CHECKING:
-    from cubicfish.io.camera_yaml import CameraFile
+    from cubicfish import CameraFile
 
 # Pixels: a scale is written with some digits, and photos have whole sizes.
 _WHOLE_PX = 0.01
@@ -105,7 +105,7 @@ def transform_camera(camera: CameraFile, *, crop: Crop | None, scale: float) -> 
     """
     import numpy as np
 
-    from cubicfish.io.camera_yaml import CameraFile
+    from cubicfish import CameraFile
     from cubicfish.judge.fit_record import fit_record
 
     old = camera.camera
@@ -177,7 +177,7 @@ def _scale_record(value: Any, factor: float, key: str = "") -> Any:
     return value * factor if counts else value
 
 
-def transform_files(options: TransformOptions, *, run: Run = RUN) -> TransformedFile:
+def transform_files(options: TransformOptions, *, run: Run = Run()) -> TransformedFile:
     """Write a camera for another mode of its sensor, as ``cubicfish transform`` does.
 
     Raises:
@@ -185,16 +185,15 @@ def transform_files(options: TransformOptions, *, run: Run = RUN) -> Transformed
         CubicfishError: the camera cannot be read, or its file exists and may not be replaced.
 
     """
-    from cubicfish.files.fingerprint import fingerprint
-    from cubicfish.files.whole_files import refuse_existing
-    from cubicfish.io.camera_yaml import load_camera
+    from cubicfish import load_camera
+    from cubicfish.files import Fingerprint
 
     path, goal = in_folder(Path(options.camera)), Path(options.output)
-    refuse_existing(goal, overwrite=run.overwrite)
-    source, loaded = fingerprint(path), load_camera(path)
+    Plan(run).reads(path).writes(goal)
+    source, loaded = Fingerprint.of(path), load_camera(path)
     made = transform_camera(loaded, crop=options.crop, scale=options.scale)
     given = {"crop": None if options.crop is None else str(options.crop), "scale": options.scale}
-    origin = made_by_record(run.command, given, None, [source])
+    origin = run.made_by(given, files=[source])
     made = replace(made, made_by={**loaded.made_by, **origin})
     made.save(goal, overwrite=run.overwrite)
     return TransformedFile(file=goal, camera=made)

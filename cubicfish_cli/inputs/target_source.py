@@ -11,20 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import (
-    MISSING,
-    CubicfishError,
-    TargetError,
-    UsageError,
-)
-from cubicfish.files.whole_files import StrPath
-from cubicfish.listener import SILENT, Listener
+from cubicfish import CubicfishError, Listener, TargetError, UsageError, quoted
+from cubicfish.files import StrPath
 from cubicfish.units import MILLIMETRES
-from cubicfish.wording import quoted
 
 if TYPE_CHECKING:
-    from cubicfish.files.fingerprint import Fingerprint
-    from cubicfish.target.target import Target
+    from cubicfish import Target
+    from cubicfish.files import Fingerprint
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,22 +73,21 @@ class TargetSource:
                 "with --board 9x6 --square 25mm (inner corners, side of a square)"
             )
         if self.path is not None and not os.path.lexists(self.path):
-            raise CubicfishError(
-                f"{self.path} {MISSING}, or name a flat checkerboard with --board 9x6 --square 25mm"
-            )
+            do = "name a flat checkerboard with --board 9x6 --square 25mm"
+            raise CubicfishError.missing(self.path, do=do)
 
-    def load(self, listener: Listener = SILENT) -> list[Target]:
+    def load(self, listener: Listener = Listener()) -> list[Target]:
         """The target; where nobody has said whether its outer squares are dark, light ones too.
 
         Raises:
             TargetError: its file cannot be used.
 
         """
-        from cubicfish.target.target import Target
+        from cubicfish import Target
 
         self.check()
         if self.by_default:
-            from cubicfish.listener import Event
+            from cubicfish import Event
 
             listener.tell(Event.TARGET, path=self.path)
         if self.given is not None:
@@ -112,9 +104,9 @@ class TargetSource:
 
     def fingerprint(self) -> Fingerprint | None:
         """The file's, before it is read; None where there is none."""
-        from cubicfish.files.fingerprint import fingerprint
+        from cubicfish.files import Fingerprint
 
-        return None if self.path is None else fingerprint(self.path)
+        return None if self.path is None else Fingerprint.of(self.path)
 
 
 def target_in(given: Target | StrPath) -> Target:
@@ -124,7 +116,7 @@ def target_in(given: Target | StrPath) -> Target:
         TargetError: its file cannot be used.
 
     """
-    from cubicfish.target.target import Target
+    from cubicfish import Target
 
     return given if isinstance(given, Target) else load_targets(Path(given))[0]
 
@@ -137,7 +129,8 @@ def load_targets(path: Path) -> list[Target]:
             names the file, the board and the key.
 
     """
-    from cubicfish.target.target import Target, load_target_data
+    from cubicfish import Target
+    from cubicfish.target.target import load_target_data
 
     data = load_target_data(path)
     if isinstance(data, dict) and "target_type" in data:

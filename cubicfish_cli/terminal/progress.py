@@ -18,10 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish.errors import UsageError
-from cubicfish.listener import Listener
-from cubicfish.run import Run
-from cubicfish.wording import plural
+from cubicfish import Listener, Run, UsageError
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import (
     CAMERA_KEY,
@@ -38,11 +35,11 @@ from cubicfish_cli.terminal.terminal import (
     print_message,
     safe,
 )
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish.judge.finding import Finding
-    from cubicfish.listener import Event
-    from cubicfish.workers.pool import Executor
+    from cubicfish import Event, Finding
+    from cubicfish.workers import Executor
 
 
 # What is done sooner shows no line: it would only flash.

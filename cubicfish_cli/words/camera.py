@@ -4,23 +4,17 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from cubicfish import Finding, Verdict
+from cubicfish.judge import FitRecord
 from cubicfish.judge.camera_facts import CameraFacts, FieldSeen
-from cubicfish.judge.codes import Code
-from cubicfish.judge.finding import Finding
-from cubicfish.judge.fit_record import FitRecord
 from cubicfish.judge.pupil import PupilEffect
 from cubicfish.judge.uncertainty import FieldUncertainty
-from cubicfish.judge.verdict import Verdict, verdict
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.sufficiency.sufficiency import explain_insufficiency, find_coverage_gaps
-from cubicfish.target.observations import Observations
 from cubicfish_cli.words.phrases import counted, length_words
 from cubicfish_cli.words.sentences import record_of, render
 
 COVERED = "of the field covered by corners"
 """The whole of which a coverage is a share, wherever it is printed. The field is where the camera
 may be trusted and does not see itself, in squares of an eighth of the photo's shorter side."""
-_PARTS = 2
 
 
 def lens_rows(known: CameraFacts) -> list[tuple[str, str]]:
@@ -109,25 +103,3 @@ def verdict_record(judged: Verdict) -> dict[str, Any]:
 def photo_words(findings: Sequence[Finding]) -> str:
     """Return the findings about a photo in a few words; ``good`` where there are none."""
     return "; ".join(render(finding).line for finding in findings) or "good"
-
-
-def next_photos(camera: CubicCamera, fit: FitRecord, pairs: Observations) -> str:
-    """Return whether more photos are needed, and of which parts of the picture, in one line.
-
-    Args:
-        camera: a calibrated camera.
-        fit: its record.
-        pairs: the pairs that it was fitted to.
-
-    """
-    gaps, now = find_coverage_gaps(camera, pairs), fit.uncertainty.field
-    reasons = explain_insufficiency(verdict(fit, camera.image_size, camera.outline()))
-    if not reasons:
-        known = f", and 95 % of it is certain to {now.p95_px:.3f} px" if now else ""
-        return f"enough photos: corners cover {100 * gaps.cells.coverage:.0f} % of the field{known}"
-    if reasons[0].code == Code.NOT_TRUSTED:
-        return f"heed the verdict first: {render(reasons[0].figures['reason']).do}"
-    where = "; ".join(part.words for part in gaps.parts[:_PARTS])
-    what = render(reasons[0]).what
-    next_ones = f"show the target next at: {where}" if where else f"more photos: {what}"
-    return f"{next_ones} ('cubicfish advise' says from where)"

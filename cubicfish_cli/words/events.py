@@ -3,9 +3,8 @@
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from cubicfish.listener import Event
-from cubicfish.wording import plural
-from cubicfish_cli.words.phrases import pick
+from cubicfish import Event
+from cubicfish_cli.words.phrases import pick, plural
 from cubicfish_cli.words.table import Words
 
 WORDS = Words()
@@ -13,6 +12,7 @@ OPTIONS: Mapping[str, str] = {
     "overwrite": "--overwrite",
     "skip_existing": "--skip-existing",
     "image_size": "--size WxH",
+    "max_angle_deg": "--max-angle",
     "lift": "--lift ray",
     "plane": "'undistort --view plane:BOARD'",
 }
@@ -107,11 +107,6 @@ def _no_map(width: int, height: int) -> str:
         f"No undistort_map.npz was written: a map of {width}x{height} pixels takes gigabytes. "
         "'cubicfish map --size' makes a smaller one."
     )
-
-
-@WORDS.event(Event.NO_PAGE)
-def _no_page(problem: str) -> str:
-    return f"report.html could not be made ({problem}): 'cubicfish report --debug' says where."
 
 
 @WORDS.event(Event.PRINTED_AS_DRAWN)

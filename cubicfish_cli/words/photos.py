@@ -5,8 +5,7 @@ from typing import Literal, NamedTuple
 
 from cubicfish.judge.codes import Code
 from cubicfish.judge.finding import FindingText as Said
-from cubicfish.wording import plural
-from cubicfish_cli.words.phrases import pick
+from cubicfish_cli.words.phrases import pick, plural
 from cubicfish_cli.words.set_up import COUNTS, MIRROR
 from cubicfish_cli.words.table import Words
 

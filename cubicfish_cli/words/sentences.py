@@ -6,25 +6,26 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from inspect import signature
-from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import CubicfishError
-from cubicfish.judge.finding import Finding, FindingText
-from cubicfish_cli.extension_table import extensions
+from cubicfish import CubicfishError, Finding
+from cubicfish.judge.finding import FindingText
+from cubicfish_cli.extension_guard import Place, extensions
 from cubicfish_cli.words import events, fit, photos, set_up
 from cubicfish_cli.words.table import Words
 
 if TYPE_CHECKING:
-    from cubicfish.judge.fit_record import FitRecord
+    from cubicfish.judge import FitRecord
 
 
 @cache
 def all_words() -> Words:
     """The functions of the program and of its extensions."""
-    more = [resolve_name(one.words) for one in extensions() if one.words is not None]
+    places = [Place(name, one.words) for name, one in extensions().items() if one.words is not None]
+    more = [words for place in places if (words := place.load_or_leave_out(Words)) is not None]
     every = Words()
-    for words in (set_up.WORDS, fit.WORDS, photos.WORDS, events.WORDS, *more):
+    # No extension says the program's own sentences otherwise.
+    for words in (*more, set_up.WORDS, fit.WORDS, photos.WORDS, events.WORDS):
         every.findings.update(words.findings)
         every.evidence.update(words.evidence)
         every.events.update(words.events)

@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
+from cubicfish import listed
 from cubicfish.judge.codes import Code
 from cubicfish.judge.finding import FindingText as Said
-from cubicfish.wording import listed, plural
-from cubicfish_cli.words.phrases import percent, pick, whole
+from cubicfish_cli.words.phrases import percent, pick, plural, whole
 from cubicfish_cli.words.table import Words
 
 Names = Sequence[str]

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from cubicfish import listed
 from cubicfish.units import MILLIMETRES
-from cubicfish.wording import listed
 from cubicfish_cli.words.phrases import pick
 
 if TYPE_CHECKING:
+    from cubicfish import Target
     from cubicfish.diagnosis.object_check import ObjectFacts, Turn
-    from cubicfish.target.target import Target
 
 # More examples than this are not read.
 _MOST = 4

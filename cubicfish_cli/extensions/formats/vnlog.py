@@ -29,13 +29,18 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish.errors import CorrespondenceError
-from cubicfish.files.reading import read_text
-from cubicfish.files.tables import Table, csv_text, parse_table
-from cubicfish.target.observations import Observations, no_such_board
-from cubicfish.target.target import Target
-from cubicfish.types import BoolArray, FloatArray, IntArray
-from cubicfish.wording import quoted
+from cubicfish import (
+    BoolArray,
+    CorrespondenceError,
+    FloatArray,
+    IntArray,
+    Observations,
+    Target,
+    quoted,
+)
+from cubicfish.files import csv_text, read_text
+from cubicfish.files.tables import Table, parse_table
+from cubicfish.target.observations import no_such_board
 
 MAX_BYTES = 200_000_000
 MAX_LINES = 5_000_000

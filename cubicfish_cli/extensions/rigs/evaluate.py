@@ -6,11 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish.errors import UsageError
-from cubicfish.files.whole_files import StrPath
-from cubicfish.listener import Event
-from cubicfish.run import RUN, Run
-from cubicfish.wording import plural
+from cubicfish import Event, Run, UsageError
+from cubicfish.files import StrPath
 from cubicfish_cli.commands.evaluate import report_unplaced
 from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_evaluation
@@ -21,10 +18,11 @@ from cubicfish_cli.terminal.figures import enforce_max_rms
 from cubicfish_cli.terminal.parameters import as_command, record, target_options
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_json, print_message
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish.rigs.evaluate import RigEvaluation
-    from cubicfish.target.target import Target
+    from cubicfish import Target
+    from cubicfish.rigs import RigEvaluation
 
 
 @record
@@ -53,7 +51,7 @@ class RigEvaluateOptions:
     times: StrPath | None = times_option
 
 
-def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = RUN) -> RigEvaluation:
+def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = Run()) -> RigEvaluation:
     """Measure a rig on files of its cameras, as ``cubicfish rig evaluate`` does.
 
     Raises:
@@ -61,9 +59,9 @@ def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = RUN) -> RigEva
         CubicfishError: an input cannot be used, or no shot can be placed.
 
     """
+    from cubicfish import evaluate_rig, load_rig
     from cubicfish.judge.fit_record import origin_of
-    from cubicfish.rigs.evaluate import evaluate_rig
-    from cubicfish.rigs.rig import REFINED, load_rig, rig_file
+    from cubicfish.rigs.rig import REFINED, rig_file
     from cubicfish.rigs.shots import load_times, owners_of
     from cubicfish_cli.extensions.rigs.inputs import check_camera_inputs, load_camera_inputs
 

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run
+from cubicfish import Run
+from cubicfish.files import StrPath
 from cubicfish_cli.extensions.rigs.options import rig_argument
 from cubicfish_cli.extensions.rigs.printed import print_rig
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
 
 if TYPE_CHECKING:
-    from cubicfish.rigs.rig import Rig
+    from cubicfish import Rig
 
 
 @record
@@ -43,14 +43,15 @@ class RigInfo:
         return {"model": self.model, "rig": plain}
 
 
-def info_rig_files(options: RigInfoOptions, *, run: Run = RUN) -> RigInfo:
+def info_rig_files(options: RigInfoOptions, *, run: Run = Run()) -> RigInfo:
     """Say what a rig is, as ``cubicfish rig info`` does.
 
     Raises:
         CameraFileError: the file cannot be used.
 
     """
-    from cubicfish.rigs.rig import load_rig, rig_file
+    from cubicfish import load_rig
+    from cubicfish.rigs.rig import rig_file
 
     path = rig_file(options.rig)
     return RigInfo(model=path, rig=load_rig(path))

@@ -6,13 +6,14 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cubicfish.wording import plural
 from cubicfish_cli.terminal.figures import print_errors, print_verdict, px
 from cubicfish_cli.terminal.terminal import print_table, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish.rigs.evaluate import RigEvaluation
-    from cubicfish.rigs.rig import CameraPair, Rig
+    from cubicfish import Rig
+    from cubicfish.rigs import RigEvaluation
+    from cubicfish.rigs.rig import CameraPair
 
 
 _WORST = 10

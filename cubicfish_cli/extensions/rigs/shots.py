@@ -5,11 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from cubicfish.errors import ViewError
-from cubicfish.listener import SILENT, Listener
-from cubicfish.photos.photos import Picture, natural_key, photo_size
+from cubicfish import Listener, UndistortMap, ViewError
+from cubicfish.photos import Picture
+from cubicfish.photos.photos import natural_key, photo_size
 from cubicfish.rigs.shots import owners_of, shots_by_name
-from cubicfish.views.maps import UndistortMap, camera_for_photos
+from cubicfish.views import camera_for_photos
 from cubicfish_cli.extensions.rigs.mosaic import Body, Mosaic, mosaic_of
 from cubicfish_cli.inputs.paths import named_photos
 from cubicfish_cli.undistortion.batch import MAKING, Job, Size, Views
@@ -79,7 +79,7 @@ def body_for_photos(body: Body, shots: Mapping[str, Shot]) -> Body:
 
 
 def shots_of(
-    sources: Sequence[Path], cameras: Sequence[str], listener: Listener = SILENT
+    sources: Sequence[Path], cameras: Sequence[str], listener: Listener = Listener()
 ) -> dict[str, Shot]:
     """The shots that the user named: name -> the photo of each camera.
 

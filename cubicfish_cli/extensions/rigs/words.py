@@ -4,12 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
+from cubicfish import Event, Rig, listed
 from cubicfish.judge.codes import Code
 from cubicfish.judge.finding import FindingText as Said
-from cubicfish.listener import Event
-from cubicfish.rigs.rig import Rig
-from cubicfish.wording import listed, plural
-from cubicfish_cli.words.phrases import pick
+from cubicfish_cli.words.phrases import pick, plural
 from cubicfish_cli.words.sentences import with_text, with_texts
 from cubicfish_cli.words.table import Words
 

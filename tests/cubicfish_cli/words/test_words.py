@@ -12,12 +12,11 @@ import pytest
 
 import cubicfish
 import cubicfish_cli
+from cubicfish import Event, Finding, PhotoError, Target
 from cubicfish.diagnosis.object_check import ObjectFacts, Turn
-from cubicfish.errors import PhotoError
-from cubicfish.judge.codes import Code, Remedy, Severity, remedy_of
-from cubicfish.judge.finding import Finding, FindingText, level_of, of_record
-from cubicfish.listener import Event
-from cubicfish.target.target import Target
+from cubicfish.judge import Severity
+from cubicfish.judge.codes import Code, Remedy, remedy_of
+from cubicfish.judge.finding import FindingText, level_of, of_record
 from cubicfish_cli.words.camera import photo_words
 from cubicfish_cli.words.events import OPTIONS, why_ended
 from cubicfish_cli.words.phrases import percent
