@@ -13,6 +13,9 @@ OPTIONS: Mapping[str, str] = {
     "skip_existing": "--skip-existing",
     "image_size": "--size WxH",
     "max_angle_deg": "--max-angle",
+    "jobs": "--jobs 1",
+    "shots": "--shots",
+    "tolerance": "--tolerance",
     "lift": "--lift ray",
     "plane": "'undistort --view plane:BOARD'",
 }

@@ -432,10 +432,7 @@ def test_options_are_named_above_the_core_alone() -> None:
                 named |= {key.value for key in node.value.keys if isinstance(key, ast.Constant)}
             text = node.value if isinstance(node, ast.Constant) else ""
             # A docstring there names an option of Kalibr's.
-            assert path.name in ("types.py", "pool.py", "shots.py") or " --" not in f" {text!s}", (
-                path,
-                text,
-            )
+            assert path.name == "types.py" or " --" not in f" {text!s}", (path, text)
     assert named == {*OPTIONS}
 
 
