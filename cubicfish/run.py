@@ -18,7 +18,7 @@ from cubicfish.errors import (
 from cubicfish.listener import SILENT, Listener
 
 if TYPE_CHECKING:
-    from cubicfish.files.fingerprint import Fingerprint
+    from cubicfish.files.fingerprint import FileRecord
     from cubicfish.workers.pool import Executor, Work
 
 
@@ -81,8 +81,8 @@ def made_at() -> str:
 def made_by_record(
     command: str | None,
     options: Mapping[str, Any],
-    target: Fingerprint | None,
-    files: Sequence[Fingerprint],
+    target: FileRecord | None,
+    files: Sequence[FileRecord],
 ) -> dict[str, Any]:
     """Version, date, command and options, and the SHA-256 of the target and of every input.
 
@@ -102,8 +102,8 @@ def made_by_record(
     }
 
 
-def _record_file(file: Fingerprint) -> dict[str, str]:
-    return {"file": as_text(str(file.path)), "sha256": file.sha256}
+def _record_file(file: FileRecord) -> dict[str, str]:
+    return {"file": as_text(file.file), "sha256": file.sha256}
 
 
 def as_text(words: str) -> str:

@@ -11,20 +11,25 @@ MAX_BYTES = 2_000_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fingerprint:
-    """What a file held when it was looked at.
+class FileRecord:
+    """A file, as it was when it was read.
 
     Attributes:
-        path: the file.
+        file: its name.
         sha256: of its bytes, 64 hexadecimal digits.
 
     """
 
-    path: Path
-    sha256: str
+    file: str = ""
+    sha256: str = ""
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return Path(self.file)
 
 
-def fingerprint(path: Path) -> Fingerprint:
+def fingerprint(path: Path) -> FileRecord:
     """Take a file's fingerprint, before it is read.
 
     Raises:
@@ -36,13 +41,18 @@ def fingerprint(path: Path) -> Fingerprint:
             raise CubicfishError(f"{path} is not a file: give the name of one")
         if path.stat().st_size > MAX_BYTES:
             raise CubicfishError(f"{path} is larger than {MAX_BYTES / 1e9:g} GB: is it right?")
-        return Fingerprint(path=path, sha256=sha256_of(path))
+        return FileRecord(file=str(path), sha256=sha256_of(path))
     except FileNotFoundError as error:
         raise CubicfishError(f"{path} {MISSING}") from error
     except OSError as error:
         raise CubicfishError(
             f"{path} cannot be read ({error.strerror or error}): check its name and permissions"
         ) from error
+
+
+def record_of_text(path: Path, text: str) -> FileRecord:
+    """The record of a file that is going to hold a text."""
+    return FileRecord(file=str(path), sha256=hashlib.sha256(text.encode()).hexdigest())
 
 
 def sha256_of(path: Path) -> str:

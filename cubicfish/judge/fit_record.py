@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from cubicfish.files.fingerprint import FileRecord
 from cubicfish.files.reading import MAX_COORDINATE
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.pupil import PupilEffect
@@ -227,14 +228,6 @@ class FitRecord(ErrorStatistics):
         if self.says_nothing:
             return "<no fit on record>"
         return f"<fit of {self.corners} corners in {self.images} photos: {self.rms_px:.3f} px RMS>"
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileRecord:
-    """An input file, as it was when it was read."""
-
-    file: str = ""
-    sha256: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

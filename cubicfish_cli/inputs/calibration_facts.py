@@ -25,12 +25,12 @@ from cubicfish import (
     load_corners,
 )
 from cubicfish.angles import angle_from_axis
-from cubicfish.files.fingerprint import sha256_of
+from cubicfish.files.fingerprint import FileRecord, sha256_of
 from cubicfish.fit.coverage import FieldCells, field_cells
 from cubicfish.io.camera_yaml import CameraRecord
 from cubicfish.io.corners_csv import load_correspondences
 from cubicfish.judge import FitRecord, PhotoRecord
-from cubicfish.judge.fit_record import FileRecord, Origin
+from cubicfish.judge.fit_record import Origin
 from cubicfish.judge.verdict import photo_verdicts
 from cubicfish.photos import find_photos
 from cubicfish.solve.statistics import rms_px

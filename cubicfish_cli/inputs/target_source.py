@@ -20,7 +20,7 @@ from cubicfish.wording import quoted
 
 if TYPE_CHECKING:
     from cubicfish import Target
-    from cubicfish.files.fingerprint import Fingerprint
+    from cubicfish.files.fingerprint import FileRecord
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +106,7 @@ class TargetSource:
         }
         return colourings(Target.from_data({"units": "mm", "boards": [board]}))
 
-    def fingerprint(self) -> Fingerprint | None:
+    def fingerprint(self) -> FileRecord | None:
         """The file's, before it is read; None where there is none."""
         from cubicfish.files.fingerprint import fingerprint
 
