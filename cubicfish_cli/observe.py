@@ -16,14 +16,14 @@ from cubicfish import (
     Run,
     load_corners,
 )
-from cubicfish.files.fingerprint import FileRecord, fingerprint
+from cubicfish.files import Fingerprint
 from cubicfish.find.identification.identified import line_of
 from cubicfish.io.corners_csv import load_correspondences
 from cubicfish.photos.photos import VIDEO_SUFFIXES
 from cubicfish.target.target import target_text
-from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import InputKind, is_recording, named_photos
 from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Calibration
@@ -47,10 +47,10 @@ class Inputs:
     """
 
     pairs: Observations
-    files: tuple[FileRecord, ...]
+    files: tuple[Fingerprint, ...]
     corners: Observations | None = None
     detection: Detection | None = None
-    target_file: FileRecord | None = None
+    target_file: Fingerprint | None = None
     chosen: str | None = None
 
     @property
@@ -114,11 +114,11 @@ def load_inputs(
     if kind == "photos":
         loaded = _find_in_photos(inputs, target, run, most)
     elif kind == "corners":
-        target_file, file = target.fingerprint(), fingerprint(inputs[0])
+        target_file, file = target.fingerprint(), Fingerprint.of(inputs[0])
         corners = load_corners(inputs[0], target.load(run.listener)[0], image_size=image_size)
         loaded = Inputs(pairs=corners, corners=corners, files=(file,), target_file=target_file)
     else:
-        file = fingerprint(inputs[0])
+        file = Fingerprint.of(inputs[0])
         loaded = Inputs(pairs=load_correspondences(inputs[0], image_size=image_size), files=(file,))
     pixel = loaded.pairs.pixel
     if len(pixel) > 1 and float((pixel.max(axis=0) - pixel.min(axis=0)).max()) < 1:
@@ -133,7 +133,7 @@ def _find_in_photos(
     inputs: Sequence[Path], target: TargetSource, run: Run, most: int | None
 ) -> Inputs:
     # Tables need no finder of corners, and begin at once without it.
-    from cubicfish.observe.detection import find_corners
+    from cubicfish.observe import find_corners
 
     target_file = target.fingerprint()
     targets = target.load(run.listener)
@@ -146,7 +146,7 @@ def _find_in_photos(
         run.listener.tell(Event.PHOTOS_CHOSEN, chosen=len(photos), photos=count, ended=ended)
     elif most is None and len(photos) > _MANY:
         run.listener.tell(Event.MANY_PHOTOS, photos=len(photos))
-    files = tuple(fingerprint(photo.path) for photo in photos)
+    files = tuple(Fingerprint.of(photo.path) for photo in photos)
     detection = find_corners(photos, targets, run)
     return Inputs(
         pairs=detection.corners,

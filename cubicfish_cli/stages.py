@@ -14,42 +14,36 @@ calibration's folder itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
-from cubicfish import Event, Listener, Run
-from cubicfish.run import made_by_record
-from cubicfish_cli.extension_table import Output, extensions
+from cubicfish import CubicfishError, Run
+from cubicfish_cli.core_table import CALIBRATION_FILES
+from cubicfish_cli.extension_guard import Place, extensions
+from cubicfish_cli.extension_table import Output
 
 if TYPE_CHECKING:
     from cubicfish import Observations
-    from cubicfish.files import Content
-    from cubicfish.files.fingerprint import FileRecord
+    from cubicfish.files import Content, Fingerprint
     from cubicfish_cli.inputs.target_source import TargetSource
     from cubicfish_cli.observe import Inputs
 
 
-_FILES = {
-    "camera": "camera.yaml",
-    "map": "undistort_map.npz",
-    "target": "target.refined.yaml",
-    "corners": "corners.csv",
-    "drawn": "target.yaml",
-}
-KINDS = tuple(_FILES)
-"""What a calibration writes, in words; the camera is removed first and written last."""
-
-
-def camera_files(folder: Path, name: str = "", kinds: Sequence[str] = KINDS) -> dict[str, Path]:
+def camera_files(
+    folder: Path, name: str = "", kinds: Iterable[str] = CALIBRATION_FILES
+) -> dict[str, Path]:
     """Where what there is of a camera goes, by kind, in the folder of a calibration."""
-    return {kind: folder / name / _FILES[kind] for kind in kinds}
+    return {kind: folder / name / CALIBRATION_FILES[kind] for kind in kinds}
 
 
-def extension_outputs() -> dict[str, Output]:
-    """What extensions make of a calibration, by kind."""
-    return {kind: made for one in extensions() for kind, made in one.outputs.items()}
+def extension_outputs() -> dict[str, tuple[Place, Output]]:
+    """What extensions make of a calibration: kind -> what makes it, and its file."""
+    return {
+        kind: (Place(name, made.content), made)
+        for name, one in extensions().items()
+        for kind, made in one.outputs.items()
+    }
 
 
 def photos_of(
@@ -72,10 +66,10 @@ def photos_of(
 
     """
     photos, chosen = list(inputs), None
-    for kind in (kind for one in extensions() for kind in one.inputs):
-        others = resolve_name(kind.among)(photos)
+    for name, kind in [(name, kind) for name, one in extensions().items() for kind in one.inputs]:
+        others = Place(name, kind.among).attempt(photos)
         if others:
-            made, chosen = resolve_name(kind.photos)(others, folder, target, most, run)
+            made, chosen = Place(name, kind.photos).load()(others, folder, target, most, run)
             photos = [*(path for path in photos if path not in others), *made]
     return photos, chosen
 
@@ -84,7 +78,7 @@ def origin(
     observed: Sequence[Inputs],
     options: Mapping[str, Any],
     run: Run,
-    target: FileRecord | None = None,
+    target: Fingerprint | None = None,
 ) -> dict[str, Any]:
     """Where a calibration comes from, as ``made_by`` of its files says.
 
@@ -96,7 +90,7 @@ def origin(
 
     """
     files = [file for own in observed for file in own.files]
-    return made_by_record(run.command, options, target or observed[0].target_file, files)
+    return run.made_by(options, target or observed[0].target_file, files)
 
 
 def camera_contents(text: str, corners: Observations | None) -> dict[str, Content]:
@@ -106,15 +100,15 @@ def camera_contents(text: str, corners: Observations | None) -> dict[str, Conten
     return {"camera": text, **({} if corners is None else {"corners": corners_text(corners)})}
 
 
-def page(make: Callable[[], Content], listener: Listener) -> Content | None:
+def page(maker: Place, *given: object, run: Run) -> Content | None:
     """A page about a calibration; None where it cannot be made.
 
-    A camera that was hard to get is not lost because of that: the listener is told.
+    A camera that was hard to get is not lost because of that: the user is told.
     """
-    listener.progress("Making the report")
+    run.listener.progress("Making the report")
     try:
-        return make()
-    except Exception as problem:  # libraries may be broken in ways of their own
-        what = f"{type(problem).__name__}: {problem}".splitlines()[0]
-        listener.tell(Event.NO_PAGE, problem=what)
+        content: Content | None = maker.attempt(*given)
+    except CubicfishError as problem:
+        maker.warn_of(problem)
         return None
+    return content

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cubicfish.files.fingerprint import FileRecord
+from cubicfish.files.fingerprint import Fingerprint
 from cubicfish.files.reading import MAX_COORDINATE
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.pupil import PupilEffect
@@ -250,8 +250,8 @@ class Origin:
     date: str | None = None
     command: str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
-    target: FileRecord | None = None
-    inputs: tuple[FileRecord, ...] = ()
+    target: Fingerprint | None = None
+    inputs: tuple[Fingerprint, ...] = ()
 
 
 def origin_of(made_by: Mapping[str, Any]) -> Origin:

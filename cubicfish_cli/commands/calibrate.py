@@ -8,16 +8,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from cubicfish import Event, Run, UsageError
-from cubicfish.files import Content, StrPath
-from cubicfish.files.fingerprint import record_of_text
-from cubicfish.run import RUN, made_at
-from cubicfish.wording import plural
+from cubicfish.files import Content, Fingerprint, StrPath
+from cubicfish_cli.core_table import FRAMES
 from cubicfish_cli.films import MOST
 from cubicfish_cli.inputs.paths import InputKind, check_inputs, kind_of_inputs, paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
@@ -49,7 +46,7 @@ from cubicfish_cli.terminal.terminal import (
     print_wrote,
     result,
 )
-from cubicfish_cli.words.phrases import counted
+from cubicfish_cli.words.phrases import counted, plural
 
 if TYPE_CHECKING:
     from cubicfish import Calibration, CubicCamera, Target, Verdict
@@ -208,7 +205,7 @@ class CalibratedFiles:
         }
 
 
-def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedFiles:
+def calibrate_files(options: CalibrateOptions, *, run: Run = Run()) -> CalibratedFiles:
     """Calibrate a camera from files into a folder, as ``cubicfish calibrate`` does.
 
     Everything is written together at the end, or nothing is, but for frames of films.
@@ -246,17 +243,19 @@ def _plan(options: CalibrateOptions, run: Run) -> tuple[Plan, dict[str, Path]]:
         raise UsageError("--refine-target does not go with 2D-3D pairs, which have no target")
     if kind != "photos" and options.most is not None:
         raise UsageError("--most goes with photos and films, not with CSV files")
-    made_at()  # an unusable date is an error before the work, not after
+    run.date()  # an unusable date is an error before the work, not after
     plan, folder = Plan(run).reads(inputs, options.source), Path(options.folder)
     pages = extension_outputs()
-    goals = camera_files(folder) | {name: folder / one.file for name, one in pages.items()}
+    goals = camera_files(folder) | {name: folder / one.file for name, (_, one) in pages.items()}
     plan.leaves(*(goals[name] for name in (*_ITS_OWN, *pages)))
     needless = {
         # Corners that were read from this very file need not be written again.
         "corners": kind == "points" or plan.is_read(goals["corners"]),
         "drawn": not options.source.needs_file,
         "target": options.refine_target == "off" and plan.is_read(goals["target"]),
-        **{name: not options.report or extra.missing(one.needs) for name, one in pages.items()},
+        **{
+            name: not options.report or extra.missing(one.needs) for name, (_, one) in pages.items()
+        },
     }
     goals = {name: path for name, path in goals.items() if not needless.get(name)}
     plan.writes(*goals.values())
@@ -268,7 +267,7 @@ def _observe(options: CalibrateOptions, run: Run) -> Inputs:
     from cubicfish_cli.observe import load_inputs
 
     source, most = options.source, options.most
-    frames = Path(options.folder) / "frames"
+    frames = Path(options.folder) / FRAMES
     photos, chosen = photos_of(options.paths, frames, source, most, run)
     size = options.image_size
     observed = load_inputs(options.kind, photos, source, run, image_size=size, most=most)
@@ -303,7 +302,7 @@ def _explain_origin(
     run: Run,
 ) -> dict[str, Any]:
     """Say where a camera comes from, as its file does; ``nominal`` is a target without a file."""
-    drawn = None if nominal is None else record_of_text(goals["drawn"], nominal)
+    drawn = None if nominal is None else Fingerprint.of_text(goals["drawn"], nominal)
     return {
         **({} if options.title is None else {"title": options.title}),
         **origin([observed], options.how, run, drawn),
@@ -333,10 +332,9 @@ def _make_contents(
             run.listener.tell(Event.NO_MAP, width=width, height=height)
         if fitted.refined != "off" and fitted.target is not None:
             contents["target"] = target_text(fitted.target)
-    for name, one in extension_outputs().items():
+    for name, (maker, _) in extension_outputs().items():
         if name in goals:
-            make = partial(resolve_name(one.content), fitted, observed.pairs, observed.photos)
-            contents[name] = page(make, run.listener)
+            contents[name] = page(maker, fitted, observed.pairs, observed.photos, run=run)
     return contents
 
 

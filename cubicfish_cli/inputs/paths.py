@@ -9,10 +9,8 @@ from glob import has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from cubicfish import CameraFileError, CubicfishError, Listener, UsageError
-from cubicfish.errors import MISSING
+from cubicfish import CameraFileError, CubicfishError, Listener, UsageError, quoted
 from cubicfish.files import StrPath
-from cubicfish.wording import quoted
 
 if TYPE_CHECKING:
     from cubicfish import Run
@@ -105,7 +103,7 @@ def check_inputs(
     """
     for file, _ in map(file_and_topic, inputs):
         if not os.path.lexists(file) and not has_magic(str(file)):
-            raise CubicfishError(f"{file} {MISSING}")
+            raise CubicfishError.missing(file)
     if kind != "points":
         target.check()
     elif target.is_known and not target.by_default:

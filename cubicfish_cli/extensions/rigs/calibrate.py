@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish import Event, Run, UsageError
+from cubicfish import Event, Run, UsageError, quoted
 from cubicfish.files import StrPath
-from cubicfish.run import RUN, made_at, made_by_record
-from cubicfish.wording import plural, quoted
 from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_rig
 from cubicfish_cli.films import MOST
@@ -33,6 +31,7 @@ from cubicfish_cli.terminal.parameters import (
 )
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import apart, print_message, print_wrote, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Rig, Target
@@ -136,7 +135,7 @@ class RigFiles:
         }
 
 
-def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
+def calibrate_rig_files(options: RigOptions, *, run: Run = Run()) -> RigFiles:
     """Calibrate several cameras on one body from files, as ``cubicfish rig calibrate`` does.
 
     Raises:
@@ -179,7 +178,7 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
     ):
         if given and len(kept | {*lenses}) == len(called):
             raise UsageError(f"{name} is of cameras that are calibrated here: leave it out")
-    made_at()  # said before the work if it cannot be
+    run.date()  # said before the work if it cannot be
     place, listener = Path(options.folder), run.listener
     pages = [place / PAGE] if options.report and not extra.missing(extra.REPORT) else []
     own_files = [place / name / "camera.yaml" for name in called]
@@ -236,7 +235,7 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
                 "refine_target": refine_target,
                 "shots": by,
             }
-            made_by = made_by_record(run.command, asked_for, first.target_file, files)
+            made_by = run.made_by(asked_for, first.target_file, files)
             listener.progress("Writing")
             written = save_rig(place, rig, made_by=made_by, overwrite=run.overwrite)
             for path, own in zip(corners, loaded.values(), strict=True):

@@ -7,9 +7,8 @@ from glob import has_magic
 from pathlib import Path
 
 from cubicfish import CameraFile, CorrespondenceError, Run, load_camera
-from cubicfish.files.fingerprint import fingerprint
+from cubicfish.files import Fingerprint
 from cubicfish.photos.photos import VIDEO_SUFFIXES
-from cubicfish.run import RUN
 from cubicfish_cli.films.recordings import label_of
 from cubicfish_cli.inputs.paths import check_inputs, is_recording, kind_of_inputs
 from cubicfish_cli.inputs.target_source import TargetSource
@@ -43,7 +42,7 @@ def check_camera_inputs(cameras: Sequence[Path], target: TargetSource, run: Run)
     inputs = [_find_model_and_corners(path)[1] for path in cameras]
     kinds = [kind_of_inputs([one]) for one in inputs]
     for kind, one in zip(kinds, inputs, strict=True):
-        check_inputs(kind, [one], target, RUN if "photos" in kinds else run)
+        check_inputs(kind, [one], target, Run() if "photos" in kinds else run)
     return "points" in kinds
 
 
@@ -82,4 +81,4 @@ def load_camera_inputs(
     run.listener.found(loaded.photo_findings)
     if model is None:
         return loaded, None
-    return replace(loaded, files=(*loaded.files, fingerprint(model))), load_camera(model)
+    return replace(loaded, files=(*loaded.files, Fingerprint.of(model))), load_camera(model)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from cubicfish import Run
 from cubicfish.files import StrPath, write_files
-from cubicfish.run import RUN
 from cubicfish_cli.extensions.rigs.options import rig_argument
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.plan import Plan
@@ -20,7 +19,7 @@ from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
 
 if TYPE_CHECKING:
-    from cubicfish.rigs.rig import Rig
+    from cubicfish import Rig
 
 
 @record
@@ -39,7 +38,7 @@ class RigReportOptions:
     )
 
 
-def report_rig_files(options: RigReportOptions, *, run: Run = RUN) -> ReportFiles:
+def report_rig_files(options: RigReportOptions, *, run: Run = Run()) -> ReportFiles:
     """Write a page about a rig, as ``cubicfish rig report`` does.
 
     Raises:
@@ -47,7 +46,8 @@ def report_rig_files(options: RigReportOptions, *, run: Run = RUN) -> ReportFile
             exists and may not be replaced.
 
     """
-    from cubicfish.rigs.rig import load_rig, rig_file, rig_files
+    from cubicfish import load_rig
+    from cubicfish.rigs.rig import rig_file, rig_files
 
     extra.require(extra.REPORT, "a report")
     model = rig_file(options.rig)
