@@ -72,7 +72,7 @@ _PLACES = {
     "cubicfish.rigs.compare": ("compare_rigs",),
     "cubicfish.rigs.evaluate": ("evaluate_rig",),
     "cubicfish_cli.extensions.rigs.info": ("RigInfoOptions", "info_rig_files"),
-    "cubicfish_cli.extensions.rigs.mosaic": ("stitch",),
+    "cubicfish_cli.extensions.rigs.panorama": ("stitch",),
     "cubicfish_cli.extensions.rigs.map": ("RigMapOptions", "map_rig_files"),
     "cubicfish_cli.extensions.rigs.report": ("RigReportOptions", "report_rig_files"),
     "cubicfish.rigs.rig": ("Rig", "load_rig", "save_rig"),

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -222,6 +222,7 @@ class Rig:
         fit: how well it fits.
         made_by: version, date, options and hashes, plain data.
         target: the target as fitted, of a rig that was fitted just now and changed it.
+        files: what it was read from, rig.yaml first; none of a rig that was fitted just now.
 
     """
 
@@ -231,6 +232,7 @@ class Rig:
     fit: RigFit = field(default_factory=RigFit)
     made_by: Mapping[str, Any] = field(default_factory=dict)
     target: Target | None = None
+    files: tuple[Path, ...] = ()
 
     def camera(self, name: str) -> RigCamera:
         """The camera of a name.
@@ -262,6 +264,18 @@ class Rig:
             "fit": self.fit.as_record(),
         }
 
+    def texts(self) -> dict[str, str]:
+        """Its files, by where they are in the rig's folder: rig.yaml, cameras, refined target."""
+        origin = {"version": __version__, **self.made_by}
+        record = {KEY: FORMAT_VERSION, **self.as_record(), "made_by": origin}
+        texts = {"rig.yaml": plain_yaml_text(record)}
+        for one in self.cameras:
+            titled = {"title": one.name, **origin}
+            texts[one.path] = camera_text(one.camera, fit=one.fit, made_by=titled)
+        if self.target is not None:
+            texts[REFINED] = target_text(self.target)
+        return texts
+
 
 def refuse_name(name: object, what: str, error: type[CubicfishError]) -> None:
     """Refuse a name of a camera that cannot be that of a folder or a file.
@@ -283,11 +297,6 @@ def refuse_name(name: object, what: str, error: type[CubicfishError]) -> None:
         )
 
 
-def rig_text(record: Mapping[str, Any]) -> str:
-    """The text of a rig.yaml from its plain data, without the version."""
-    return plain_yaml_text({KEY: FORMAT_VERSION, **record})
-
-
 def save_rig(
     folder: str | os.PathLike[str],
     rig: Rig,
@@ -300,7 +309,7 @@ def save_rig(
     Args:
         folder: where.
         rig: the rig.
-        made_by: plain data on where it comes from; the version is added.
+        made_by: plain data on where it comes from, beside what is known; the version is added.
         overwrite: whether existing files may be replaced.
 
     Returns:
@@ -310,20 +319,12 @@ def save_rig(
         OutputError: a file exists and ``overwrite`` is false, or it cannot be written.
 
     """
-    place, origin = Path(folder), {"version": __version__, **(made_by or {})}
-    texts: dict[Path, Content] = {
-        place / "rig.yaml": rig_text({**rig.as_record(), "made_by": origin})
-    }
-    for one in rig.cameras:
-        texts[place / one.path] = camera_text(
-            one.camera, fit=one.fit, made_by={"title": one.name, **origin}
-        )
-    if rig.target is not None:
-        texts[place / REFINED] = target_text(rig.target)
+    place, rig = Path(folder), replace(rig, made_by={**rig.made_by, **(made_by or {})})
+    texts: dict[Path, Content] = {place / name: text for name, text in rig.texts().items()}
     return write_files(texts, overwrite=overwrite, folder=place)
 
 
-def rig_file(given: str | os.PathLike[str]) -> Path:
+def _find_rig_file(given: str | os.PathLike[str]) -> Path:
     """The file of a rig that is meant: a folder stands for the rig.yaml in it.
 
     Raises:
@@ -347,7 +348,7 @@ def load_rig(given: str | os.PathLike[str]) -> Rig:
             things of one; one line that names the file and the key.
 
     """
-    path = rig_file(given)
+    path = _find_rig_file(given)
     record = load_plain_yaml(
         path,
         error=CameraFileError,
@@ -376,6 +377,7 @@ def load_rig(given: str | os.PathLike[str]) -> Rig:
         pairs=known.pairs,
         fit=known.fit,
         made_by=file.inner("made_by").data,
+        files=(path, *(path.parent / one.path for one in found)),
     )
 
 

@@ -56,18 +56,17 @@ def export_rig_files(options: RigExportOptions, *, run: Run = RUN) -> ExportedFi
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish.rigs.rig import load_rig, rig_file
+    from cubicfish.rigs.rig import load_rig
     from cubicfish_cli.commands.export import ExportedFiles
     from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, printed
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
 
     to, max_error = options.to, MAX_ERROR if options.max_error is None else options.max_error
-    path = rig_file(options.rig)
-    known = load_rig(path)
+    known = load_rig(options.rig)
     chosen = known.cameras if options.pair is None else tuple(map(known.camera, options.pair))
     formats = written_formats()
     if to not in formats or not formats[to].write_rig:
-        first = path.parent / known.cameras[0].path
+        first = known.files[1]
         raise UsageError(
             f"--to {to} holds one camera: write each with 'cubicfish export {first} --to {to}', or "
             "choose one of " + ", ".join(name for name, made in formats.items() if made.write_rig)

@@ -52,7 +52,7 @@ class ShotFrame:
     seconds: tuple[float, float]
 
 
-def moving_corners(
+def measure_motion(
     frames: Sequence[ShotFrame], pairs: Observations, listener: Listener
 ) -> CornerMotion:
     """How the corners move that were found in a camera's frames."""

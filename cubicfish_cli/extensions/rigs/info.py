@@ -50,10 +50,10 @@ def info_rig_files(options: RigInfoOptions, *, run: Run = RUN) -> RigInfo:
         CameraFileError: the file cannot be used.
 
     """
-    from cubicfish.rigs.rig import load_rig, rig_file
+    from cubicfish.rigs.rig import load_rig
 
-    path = rig_file(options.rig)
-    return RigInfo(model=path, rig=load_rig(path))
+    rig = load_rig(options.rig)
+    return RigInfo(model=rig.files[0], rig=rig)
 
 
 @as_command(

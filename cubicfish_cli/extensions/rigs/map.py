@@ -95,7 +95,7 @@ def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
     import numpy as np
 
     from cubicfish.files.plain_yaml import plain_yaml_text
-    from cubicfish.rigs.rig import load_rig, rig_file
+    from cubicfish.rigs.rig import load_rig
     from cubicfish.rigs.stereo import rectify
     from cubicfish.views.fields import sees
     from cubicfish.views.maps import build_map, camera_for_photos
@@ -106,8 +106,7 @@ def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
     goal, photo_size = Path(options.output), options.photo_size
     map_paths(goal)  # its name is refused first
     view = _describe_row_aligned(options.view)
-    path = rig_file(options.rig)
-    loaded = load_rig(path)
+    loaded = load_rig(options.rig)
     both = options.pair or tuple(one.name for one in loaded.cameras)
     if len(both) != 2:
         raise CameraFileError(f"name two of the rig's cameras with --pair: {', '.join(both)}")
@@ -146,7 +145,7 @@ def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
     }
     more = {about: plain_yaml_text(about_pair)}
     return PairMapFiles(
-        model=path,
+        model=loaded.files[0],
         own=files_of(plan),
         written=write_maps(plan, maps, goal, run, more),
         image_size=between.image_size,

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
-
 from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
 from cubicfish.run import RUN, Run
 from cubicfish_cli.extensions.rigs.options import rig_argument
@@ -16,9 +13,6 @@ from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import print_report
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
-
-if TYPE_CHECKING:
-    from cubicfish.judge.verdict import Verdict
 
 
 @record
@@ -45,30 +39,16 @@ def report_rig_files(options: RigReportOptions, *, run: Run = RUN) -> ReportFile
             exists and may not be replaced.
 
     """
-    from cubicfish.rigs.rig import rig_file
-
-    extra.require(extra.REPORT, "a report")
-    model = rig_file(options.rig)
-    path = path_or_none(options.page) or model.parent / PAGE
-    refuse_existing(path, overwrite=run.overwrite)
-    return ReportFiles(page=path, model=model, verdict=write_rig_page(model, path, run))
-
-
-def write_rig_page(rig: Path, page: Path, run: Run) -> Verdict:
-    """Write the page about a rig's file, and judge the rig.
-
-    Raises:
-        CameraFileError: the rig cannot be read.
-        OutputError: the page is there, or cannot be written.
-
-    """
     from cubicfish.rigs.rig import load_rig
     from cubicfish_cli.extensions.rigs.page import rig_html
 
-    loaded = load_rig(rig)
+    extra.require(extra.REPORT, "a report")
+    rig = load_rig(options.rig)
+    path = path_or_none(options.page) or rig.files[0].parent / PAGE
+    refuse_existing(path, overwrite=run.overwrite)
     run.listener.progress("Making the report")
-    write_files({page: rig_html(loaded)}, overwrite=run.overwrite)
-    return loaded.verdict
+    write_files({path: rig_html(rig)}, overwrite=run.overwrite)
+    return ReportFiles(page=path, model=rig.files[0], verdict=rig.verdict)
 
 
 @as_command(

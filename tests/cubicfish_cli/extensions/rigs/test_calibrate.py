@@ -30,7 +30,7 @@ from cubicfish_cli import (
     save_corners,
     save_target,
 )
-from cubicfish_cli.extensions.rigs.inputs import named_by
+from cubicfish_cli.extensions.rigs.naming import named_by
 from cubicfish_cli.viewpoints.truth import rotation_matrix
 
 
