@@ -23,13 +23,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from cubicfish.calibration import calibrate
-from cubicfish.errors import FitError
-from cubicfish.io.corners_csv import load_corners
+from cubicfish import FitError, Observations, Target, calibrate, load_corners
 from cubicfish.judge.verdict import verdict
 from cubicfish.solve.subset import select_photos
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target, load_target
+from cubicfish.target.target import load_target
 
 
 @dataclass(frozen=True)

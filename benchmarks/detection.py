@@ -23,7 +23,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from cubicfish.target.boards.types import Checkerboard
+from cubicfish.target import Checkerboard
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -34,9 +34,10 @@ import numpy as np
 from asymmetric_lens import AsymmetricLens
 from looking import look_at
 
+from cubicfish import Target
+from cubicfish.find import find_grids
 from cubicfish.find.detection import finder
-from cubicfish.find.detection.finder import find_grids
-from cubicfish.target.target import Target, load_target
+from cubicfish.target.target import load_target
 from cubicfish_cli.extensions.simulation.simulate import render
 from cubicfish_cli.viewpoints.truth import project_corners
 

@@ -26,7 +26,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from cubicfish.target.boards.types import BOARD_TYPES
+from cubicfish.target import BOARD_TYPES
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -36,12 +36,9 @@ import cv2
 import numpy as np
 from synthetic_lenses import SYNTHETIC_LENSES, SyntheticLens, synthetic_lens
 
-from cubicfish.errors import CubicfishError
-from cubicfish.find.detection.finder import find_grids
-from cubicfish.find.detection.markers import find_marked_corners
-from cubicfish.observe.detection import detect
-from cubicfish.target.boards.markers import Markers
-from cubicfish.target.target import Target
+from cubicfish import CubicfishError, Target, detect
+from cubicfish.find import find_grids, find_marked_corners
+from cubicfish.target import Markers
 from cubicfish_cli.extensions.simulation.simulate import RayGrid, render, room_background
 from cubicfish_cli.viewpoints.truth import Pose, TrueCorners, project_corners
 

@@ -18,29 +18,25 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 
+from cubicfish import Calibration, FitError, FloatArray, Observations, Target
 from cubicfish.angles import angle_from_axis, columns
-from cubicfish.errors import FitError
-from cubicfish.fit.calibration import Calibration
 from cubicfish.fit.cubic_fit import PriorChoice, choose_prior, fit_cubic
 from cubicfish.fit.folds import folds_of
 from cubicfish.fit.nearest_cubic import MARGIN_DEG, cone_angle
 from cubicfish.fit.radial_reference import RadialReference, radial_near, refit_radial
-from cubicfish.models.radial import RadialCamera
+from cubicfish.models import RadialCamera
+from cubicfish.models.formula_lens import FocalLens, FormulaLens, usable_angle_deg
 from cubicfish.models.sphere import cone_rays
 from cubicfish.solve.adjustment import Adjustment, adjust
 from cubicfish.solve.fit_lens import FitLens, FixedLens, FreeLens, nearest_lens
 from cubicfish.solve.poses import Poses
 from cubicfish.solve.statistics import rms_px, wide_px
 from cubicfish.solve.subset import select, select_photos, world_scale
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target
 from cubicfish.threads import one_blas_thread
-from cubicfish.types import FloatArray
 from cubicfish_cli.extensions.formats.lenses import DoubleSphereLens, UnifiedLens
 from cubicfish_cli.extensions.formats.ocamcalib import ScaramuzzaLens
-from cubicfish_cli.foreign.foreign_lens import FocalLens, ForeignLens, usable_angle_deg
 
-L = TypeVar("L", bound=ForeignLens)
+L = TypeVar("L", bound=FormulaLens)
 F = TypeVar("F", bound=FitLens)
 
 CUBIC = "cubic"
@@ -293,7 +289,7 @@ def _fit_radial(reference: RadialReference) -> tuple[FitLens, FloatArray]:
     return fit.lens, fit.residual
 
 
-def _fit_model(kind: type[ForeignLens], reference: RadialReference) -> tuple[FitLens, FloatArray]:
+def _fit_model(kind: type[FormulaLens], reference: RadialReference) -> tuple[FitLens, FloatArray]:
     lens = FreeLens.of(near_reference(kind, reference))
     poses, pairs = reference.poses, reference.pairs
     seen = lens.project(poses.apply(pairs.image, pairs.world))

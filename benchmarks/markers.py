@@ -22,11 +22,10 @@ import numpy as np
 from asymmetric_lens import AsymmetricLens
 from looking import look_at
 
+from cubicfish import Target
 from cubicfish.angles import angle_from_axis
-from cubicfish.find.detection.markers import find_marked_corners
-from cubicfish.target.boards.markers import Markers
-from cubicfish.target.boards.types import BOARD_TYPES
-from cubicfish.target.target import Target
+from cubicfish.find import find_marked_corners
+from cubicfish.target import BOARD_TYPES, Markers
 from cubicfish_cli.extensions.simulation.simulate import render
 from cubicfish_cli.viewpoints.truth import Pose, TrueCorners, project_corners
 

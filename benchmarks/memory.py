@@ -19,8 +19,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from cubicfish import Target, load_camera
 from cubicfish.solve.poses import rotation_from_vector
-from cubicfish_cli import Target, load_camera
 
 SAMPLE = Path(__file__).resolve().parents[1] / "sample_data"
 NOISE_PX = 0.1

@@ -21,7 +21,7 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
-from cubicfish.target.boards.types import Checkerboard
+from cubicfish.target import Checkerboard
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -32,11 +32,10 @@ from simulated import CornerErrors, simulated_corners
 from synthetic import TRUE_LENS
 from synthetic_lenses import SYNTHETIC_LENSES, synthetic_lens
 
+from cubicfish import CubicfishError, Target
 from cubicfish.comparison import aligned_difference
-from cubicfish.errors import CubicfishError
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.models.sphere import cone_rays
-from cubicfish.target.target import Target
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses
 
 SIZE = TRUE_LENS.image_size

@@ -14,11 +14,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.errors import FitError
+from cubicfish import FitError, Observations
 from cubicfish.fit.calibrate import calibrate
+from cubicfish.fit.point_fit import RatioFit, fit_ratio
 from cubicfish.models.lift import lift
-from cubicfish.target.observations import Observations
-from cubicfish_cli.foreign.point_fit import RatioFit, fit_ratio
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -30,18 +30,21 @@ from simulated import CornerErrors
 from simulated_rig import RigTruth, combined, simulated_rig
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
+from cubicfish import (
+    CubicfishError,
+    Listener,
+    Observations,
+    Rig,
+    Target,
+    calibrate_rig,
+    compare_rigs,
+    load_corners,
+)
 from cubicfish.comparison import aligned_difference
-from cubicfish.errors import CubicfishError
-from cubicfish.io.corners_csv import load_corners
-from cubicfish.listener import Listener
 from cubicfish.models.sphere import cone_rays
-from cubicfish.rigs.calibrate import calibrate_rig
-from cubicfish.rigs.compare import compare_rigs
-from cubicfish.rigs.rig import Rig
-from cubicfish.rigs.shots import Times, load_times
+from cubicfish.rigs import load_times
 from cubicfish.solve.subset import select_photos
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target, load_target
+from cubicfish.target.target import load_target
 from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 
 NOISE = CornerErrors(noise=0.1, shared=0.0, spread=0.0)
@@ -254,7 +257,9 @@ def measure_growth(cameras: list[int], shots: list[int], field_deg: float) -> No
             )
 
 
-def halved(of: str, timed: bool) -> tuple[dict[str, Observations], Target, Times | None]:
+def halved(
+    of: str, timed: bool
+) -> tuple[dict[str, Observations], Target, dict[str, dict[str, float]] | None]:
     """Corners of a rig's cameras by name, their target, and when photos were taken."""
     if of == "triggered":
         setup = replace(SETUPS["stereo"], shots=40)

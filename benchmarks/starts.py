@@ -23,9 +23,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
+from cubicfish import load_corners
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.cubic_fit import starts, with_prior
-from cubicfish.io.corners_csv import load_corners
 from cubicfish.solve.adjustment import WARM_DAMPING, adjust
 from cubicfish.solve.statistics import huber_px, rms_px
 from cubicfish.target.target import load_target

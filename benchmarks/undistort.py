@@ -26,11 +26,8 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # as the command l
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 
-from cubicfish.io.camera_yaml import load_camera  # noqa: E402
-from cubicfish.models.cubic import CubicCamera  # noqa: E402
-from cubicfish.run import Run  # noqa: E402
-from cubicfish.views.maps import UndistortMap, build_map, camera_for_photos  # noqa: E402
-from cubicfish.views.view import PROJECTIONS, CentralView  # noqa: E402
+from cubicfish import CubicCamera, Run, UndistortMap, build_map, load_camera  # noqa: E402
+from cubicfish.views import PROJECTIONS, CentralView, camera_for_photos  # noqa: E402
 from cubicfish_cli.undistortion.batch import Job, write_many, write_one  # noqa: E402
 from cubicfish_cli.undistortion.images import remap_picture  # noqa: E402
 
@@ -432,7 +429,7 @@ def measure_real(folder: Path) -> None:
     if not REAL.exists():
         print("real photos are not there: skipped")
         return
-    from cubicfish.io.corners_csv import load_corners
+    from cubicfish import load_corners
     from cubicfish.target.target import load_target
 
     target = load_target(REAL / "target.yaml")

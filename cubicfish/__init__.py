@@ -2,8 +2,9 @@
 
 In a program::
 
-    from cubicfish import Target, calibrate
-    from cubicfish import observe as detect
+    from cubicfish.target.target import Target
+    from cubicfish.calibration import calibrate
+    from cubicfish.observe.detection import detect
     from cubicfish_cli import undistort
 
     target = Target.load("target.yaml")
@@ -27,51 +28,6 @@ Conventions, the same everywhere in the package:
 
 __version__ = "0.1.0"
 
-# Where each public name is; __init__.pyi tells type checkers. Nothing at all is loaded by this
-# file: while it is, Ctrl-C would still end in a traceback.
-_PLACES = {
-    "cubicfish.target.observations": ("Observations",),
-    "cubicfish.io.corners_csv": ("load_corners", "save_corners"),
-    "cubicfish.errors": ("CubicfishError",),
-    "cubicfish.fit.calibrate": ("Calibration",),
-    "cubicfish.comparison": ("Comparison", "compare"),
-    "cubicfish.fit.evaluate": ("Evaluation",),
-    "cubicfish.judge.verdict": ("Verdict",),
-    "cubicfish.io.camera_yaml": ("CameraFile", "load_any_camera", "load_camera"),
-    "cubicfish.run": ("Run",),
-    "cubicfish.listener": ("Event", "Listener"),
-    "cubicfish.judge.finding": ("Finding",),
-    "cubicfish.calibration": ("calibrate", "evaluate", "save_camera", "save_target"),
-    "cubicfish.observe.detection": ("detect",),
-    "cubicfish.rigs.calibrate": ("calibrate_rig",),
-    "cubicfish.rigs.compare": ("compare_rigs",),
-    "cubicfish.rigs.evaluate": ("evaluate_rig",),
-    "cubicfish.rigs.rig": ("Rig", "load_rig", "save_rig"),
-    "cubicfish.rigs.stereo": ("RectifiedPair", "rectify"),
-    "cubicfish.models.cubic": ("CubicCamera",),
-    "cubicfish.find.identification.identified": ("Detection",),
-    "cubicfish.photos.photos": ("read_picture",),
-    "cubicfish.target.target": ("Target",),
-    "cubicfish.views.plane": ("build_plane",),
-    "cubicfish.views.maps": ("UndistortMap", "build_map"),
-    "cubicfish.views.view": ("View",),
-}
-_MODULES = {name: module for module, names in _PLACES.items() for name in names}
+from cubicfish.lazy import lazy_names
 
-__all__ = sorted(_MODULES)
-
-
-def __getattr__(name: str) -> object:
-    """Load a public name when it is first used."""
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    value: object = getattr(import_module(_MODULES[name]), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    """The public names, loaded or not."""
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = lazy_names(__name__)

@@ -1,4 +1,4 @@
-"""The public names, for type checkers."""
+"""The names that this package offers: `lazy.py` reads them too."""
 
 from cubicfish.calibration import calibrate as calibrate
 from cubicfish.calibration import evaluate as evaluate
@@ -6,9 +6,19 @@ from cubicfish.calibration import save_camera as save_camera
 from cubicfish.calibration import save_target as save_target
 from cubicfish.comparison import Comparison as Comparison
 from cubicfish.comparison import compare as compare
+from cubicfish.errors import CameraFileError as CameraFileError
+from cubicfish.errors import ClusterError as ClusterError
+from cubicfish.errors import CorrespondenceError as CorrespondenceError
 from cubicfish.errors import CubicfishError as CubicfishError
+from cubicfish.errors import DetectionError as DetectionError
+from cubicfish.errors import FitError as FitError
+from cubicfish.errors import OutputError as OutputError
+from cubicfish.errors import PhotoError as PhotoError
+from cubicfish.errors import TargetError as TargetError
+from cubicfish.errors import UsageError as UsageError
+from cubicfish.errors import ViewError as ViewError
 from cubicfish.find.identification.identified import Detection as Detection
-from cubicfish.fit.calibrate import Calibration as Calibration
+from cubicfish.fit.calibration import Calibration as Calibration
 from cubicfish.fit.evaluate import Evaluation as Evaluation
 from cubicfish.io.camera_yaml import CameraFile as CameraFile
 from cubicfish.io.camera_yaml import load_any_camera as load_any_camera
@@ -17,6 +27,7 @@ from cubicfish.io.corners_csv import load_corners as load_corners
 from cubicfish.io.corners_csv import save_corners as save_corners
 from cubicfish.judge.finding import Finding as Finding
 from cubicfish.judge.verdict import Verdict as Verdict
+from cubicfish.lazy import lazy_names as lazy_names
 from cubicfish.listener import Event as Event
 from cubicfish.listener import Listener as Listener
 from cubicfish.models.cubic import CubicCamera as CubicCamera
@@ -33,6 +44,9 @@ from cubicfish.rigs.stereo import rectify as rectify
 from cubicfish.run import Run as Run
 from cubicfish.target.observations import Observations as Observations
 from cubicfish.target.target import Target as Target
+from cubicfish.types import BoolArray as BoolArray
+from cubicfish.types import FloatArray as FloatArray
+from cubicfish.types import IntArray as IntArray
 from cubicfish.views.maps import UndistortMap as UndistortMap
 from cubicfish.views.maps import build_map as build_map
 from cubicfish.views.plane import build_plane as build_plane

@@ -11,11 +11,12 @@ from scipy.spatial.transform import Rotation
 from cubicfish.angles import angle_from_axis
 from cubicfish.errors import FitError
 from cubicfish.fit.alignment import Project, turned_onto
+from cubicfish.geometry import pixel_grid
 from cubicfish.judge.fit_record import ErrorStatistics
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.lens import Lens
 from cubicfish.models.sphere import all_around, ray_at
-from cubicfish.solve.statistics import error_statistics, rms_px
+from cubicfish.solve.statistics import error_statistics, rings
 from cubicfish.types import FloatArray
 from cubicfish.wording import Brief
 
@@ -23,7 +24,6 @@ from cubicfish.wording import Brief
 _PIXELS = 40_000
 _ALIGNING_PIXELS = 2_500
 _FEW_PIXELS = 400
-_RING_DEG = 10.0
 # A ray and the one whose pixel is nearest in the other lens say how the frames are turned; the
 # farthest of such pairs come from outside the other's field and are left out in the next round.
 _START_ROUNDS = 4
@@ -188,15 +188,6 @@ def _spread_near_axis(camera: CubicCamera) -> FloatArray:
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def pixel_grid(image_size: tuple[int, int], count: int) -> FloatArray:
-    """About ``count`` pixels spread evenly over a photo: (N, 2), row by row."""
-    width, height = image_size
-    step = max(1.0, float(np.sqrt(width * height / count)))
-    x = np.linspace(0, width - 1, max(2, round(width / step)))
-    y = np.linspace(0, height - 1, max(2, round(height / step)))
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-
-
 def _compute_scale(first: tuple[int, int], second: tuple[int, int]) -> float:
     if first[0] * second[1] != first[1] * second[0]:
         raise FitError(
@@ -204,18 +195,3 @@ def _compute_scale(first: tuple[int, int], second: tuple[int, int]) -> float:
             "one scaled: compare cameras of one size".format(*first, *second)
         )
     return first[0] / second[0]
-
-
-def rings(theta: FloatArray, miss: FloatArray) -> list[dict[str, float]]:
-    """Statistics of differences (N, 2) in rings of 10°, by angles from the axis (N,) in radians."""
-    ring = (np.rad2deg(theta) // _RING_DEG).astype(int)
-    return [
-        {
-            "from_deg": number * _RING_DEG,
-            "to_deg": (number + 1) * _RING_DEG,
-            "rms_px": rms_px(miss[ring == number]),
-            "max_px": float(np.linalg.norm(miss[ring == number], axis=1).max()),
-            "pixels": int((ring == number).sum()),
-        }
-        for number in np.unique(ring).tolist()
-    ]

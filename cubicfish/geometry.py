@@ -157,3 +157,12 @@ def inverse_of_growing(
 def camera_centre(rotation: FloatArray, translation: FloatArray) -> FloatArray:
     """(3,) where a camera stands in the frame of points X that it sees at R X + t."""
     return np.asarray(-rotation.T @ translation)
+
+
+def pixel_grid(image_size: tuple[int, int], count: int) -> FloatArray:
+    """About ``count`` pixels spread evenly over a photo: (N, 2), row by row."""
+    width, height = image_size
+    step = max(1.0, float(np.sqrt(width * height / count)))
+    x = np.linspace(0, width - 1, max(2, round(width / step)))
+    y = np.linspace(0, height - 1, max(2, round(height / step)))
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

@@ -8,22 +8,26 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import CorrespondenceError
+from cubicfish import (
+    CorrespondenceError,
+    Detection,
+    Event,
+    Finding,
+    Observations,
+    Run,
+    load_corners,
+)
 from cubicfish.files.fingerprint import Fingerprint, fingerprint
-from cubicfish.find.identification.identified import Detection, line_of
-from cubicfish.io.corners_csv import load_corners, load_correspondences
-from cubicfish.judge.finding import Finding
-from cubicfish.listener import Event
+from cubicfish.find.identification.identified import line_of
+from cubicfish.io.corners_csv import load_correspondences
 from cubicfish.photos.photos import VIDEO_SUFFIXES
-from cubicfish.run import Run
-from cubicfish.target.observations import Observations
 from cubicfish.target.target import target_text
 from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import holds_world_points, is_recording, named_photos, tables_among
 from cubicfish_cli.inputs.target_source import TargetSource
 
 if TYPE_CHECKING:
-    from cubicfish.fit.calibration import Calibration
+    from cubicfish import Calibration
 
 # Of more photos than these, some are as good as all.
 _MANY = 200
@@ -120,7 +124,7 @@ def load_inputs(
         loaded = Inputs(pairs=corners, corners=corners, files=(file,), target_file=target_file)
     else:
         # Tables need no finder of corners, and begin at once without it.
-        from cubicfish.observe.detection import find_corners
+        from cubicfish.observe import find_corners
 
         target_file = target.fingerprint()
         targets = target.load(run.listener)

@@ -15,3 +15,7 @@ with a lens each `two_lenses.py`, photos each by itself `photo_lenses.py`, photo
 what it would explain by chance: `tests/support/wrong_setups.py` has wrong set-ups and right ones.
 `object_check.py` says what is odd about a target before any photo is taken.
 """
+
+from cubicfish.lazy import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__)

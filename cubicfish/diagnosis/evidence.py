@@ -42,6 +42,11 @@ class PhotoEvidence(Evidence):
     with_boards: int
     lost: Sequence[Finding]
 
+    @property
+    def other_colours(self) -> bool:
+        """Whether the only board is light where the target says that it is dark."""
+        return False
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridEvidence(PhotoEvidence):
@@ -58,6 +63,11 @@ class GridEvidence(PhotoEvidence):
     def corners(self) -> Observations:
         """The corners that have a name."""
         return self.identified.corners
+
+    @property
+    def other_colours(self) -> bool:
+        """See :class:`PhotoEvidence`."""
+        return self.identified.other_colours
 
     @cached_property
     def counts(self) -> list[Count]:

@@ -83,7 +83,7 @@ def in_mirror(pairs: Observations) -> Observations:
 def other_colours(evidence: GridEvidence) -> list[Finding]:
     """Find that the only board is light where the target says that it is dark."""
     target = evidence.target
-    if not evidence.identified.other_colours:
+    if not evidence.other_colours:
         return []
     board = grid_boards(target.as_printed())[0]
     first = board.first_square

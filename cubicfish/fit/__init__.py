@@ -37,7 +37,12 @@ is no fit; `calibration.py`) to a function that its caller gives it, and takes f
 `find_faults` of `diagnosis/diagnose.py`.
 
 Beside it stand `rough_fit.py` (a camera to look for corners by), `alignment.py` (the turn between
-the frames of two cameras), `evaluate.py` (a known camera on other photos) and `nearest_lens` of
-`fit_lens.py` (any lens through given pixels). The fit of the paper's own lift is
-`foreign/point_fit.py`.
+the frames of two cameras), `evaluate.py` (a known camera on other photos), `to_lens.py` (the lens
+of another model nearest to a camera) and `from_lens.py` (the camera nearest to a lens), by
+`nearest_lens` of `fit_lens.py` (any lens through given pixels). The fit of the paper's own lift is
+`point_fit.py`.
 """
+
+from cubicfish.lazy import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__)

@@ -4,3 +4,7 @@
 `Calibrated`, which both a fit and its file are; `corners_csv.py` has corners, which other
 detectors may write too.
 """
+
+from cubicfish.lazy import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__)

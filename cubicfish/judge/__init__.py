@@ -4,3 +4,7 @@
 makes plain data of it. `verdict.py` judges by it, and `camera_facts.py` has the figures whose words
 are in `words/camera.py`.
 """
+
+from cubicfish.lazy import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__)

@@ -1,20 +1,26 @@
 """The interface of a lens model with parameters, as fits need it."""
 
-from collections.abc import Callable, Mapping
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish.types import FloatArray
 
+if TYPE_CHECKING:
+    from cubicfish.models.cubic import CubicCamera
+    from cubicfish.models.radial import RadialCamera
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lens:
     """A central lens in this tool's conventions: pixel (0, 0) is the middle of the first pixel.
 
-    The radial reference is one, and so are the lenses of other tools above the core.
+    The radial reference is one, and so are the lenses of other tools.
 
     Attributes:
         image_size: (width, height), pixels.
@@ -31,8 +37,36 @@ class Lens:
     """Parameters that no fit changes."""
     limits: ClassVar[Mapping[str, tuple[float, float]]] = {}
     """Range in which tools accept a parameter, the ends included."""
+    unwritten: ClassVar[tuple[str, ...]] = ()
+    """Parameters that other tools' files lack: the lens nearest to a camera keeps them as they are
+    at its start."""
 
     image_size: tuple[int, int]
+
+    @classmethod
+    def starts(cls, radial: RadialCamera, covered: float) -> Sequence[Self]:
+        """Lenses roughly like a radial one, from which least squares finds the nearest.
+
+        Args:
+            radial: a radial lens.
+            covered: angle from the axis up to which the two should agree, radians.
+
+        """
+        raise NotImplementedError
+
+    @classmethod
+    def nearest_to(cls, camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> Self | None:
+        """The lens nearest to a camera, where the model has a way of its own to find it.
+
+        By default it has none: least squares from :meth:`starts` finds the lens.
+
+        Args:
+            camera: the camera.
+            rays: (N, 3) unit rays of its field, in the lens's frame.
+            pixel: (N, 2) where the camera sees them.
+
+        """
+        return None
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -44,6 +44,11 @@ class RadialCamera(Lens):
     cy: float
     k: FloatArray
 
+    @classmethod
+    def starts(cls, radial: RadialCamera, covered: float) -> tuple[RadialCamera, ...]:
+        """See :class:`Lens`: the lens itself."""
+        return (radial,)
+
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """(8,) of :attr:`parameters`."""

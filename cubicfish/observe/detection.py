@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path, PurePath
+from itertools import compress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,16 +16,17 @@ import numpy.typing as npt
 
 from cubicfish.arrays import Refusal
 from cubicfish.diagnosis.diagnose import find_faults
-from cubicfish.diagnosis.evidence import GridEvidence, MarkerEvidence
-from cubicfish.errors import DetectionError, OutputError
-from cubicfish.files.whole_files import StrPath, refuse_outside
+from cubicfish.diagnosis.evidence import GridEvidence, MarkerEvidence, PhotoEvidence
+from cubicfish.errors import DetectionError
+from cubicfish.files.whole_files import StrPath
 from cubicfish.find.identification.identified import (
     FEWEST_CORNERS,
     Detection,
     PhotoReport,
     marked_corners,
+    nameless,
     nominal_target_fits,
-    remark_of,
+    remarks_of,
 )
 from cubicfish.find.identification.name_grids import name_grids
 from cubicfish.find.identification.second_pass import (
@@ -92,16 +94,34 @@ def detect(
     return find_corners(_make_photos(photos), [target], run)
 
 
-def find_corners(photos: Sequence[Photo], targets: Sequence[Target], run: Run) -> Detection:
-    """Both passes of :func:`detect`; of several targets, for the one that explains most corners.
+def find_corners(
+    photos: Sequence[Photo],
+    targets: Sequence[Target],
+    run: Run,
+    *,
+    again: bool = True,
+    step: str = "Finding corners",
+) -> Detection:
+    """Find corners as :func:`detect` does; of several targets those of the one that explains most.
+
+    Args:
+        photos: the photos, in memory or in files.
+        targets: with the same boards but for their colours; ``corners.target`` of the result says
+            which it is. Without any, grids of squares are found, all of one size, which the reports
+            on photos have: their corners have no names.
+        run: how the work is done.
+        again: whether a second pass follows, and the listener is told of both.
+        step: what progress is called.
 
     Raises:
-        DetectionError: no corner could be named in any photo.
+        ClusterError: the executor cannot do the work.
+        DetectionError: no corner could be named in any photo; the text says what to check.
 
     """
+    if not again:
+        return first_pass(photos, targets, run.work(step), run.cache)
     run.listener.tell(Event.LOOKING, photos=len(photos))
-    work = run.work("Finding corners")
-    detection = first_pass(photos, targets, work, run.cache)
+    detection = first_pass(photos, targets, run.work(step), run.cache)
     target = detection.corners.target
     if target is not None:
         work = run.work("Looking again")
@@ -170,8 +190,7 @@ def first_pass(
 
     Args:
         photos: the photos.
-        targets: at least one, with the same boards but for their colours; ``corners.target`` of
-            the result says which it is.
+        targets: as for :func:`find_corners`.
         work: who searches the photos.
         cache: a folder in which what is found in files is kept; None searches them all.
 
@@ -182,8 +201,11 @@ def first_pass(
 
     """
     kept = None if cache is None else GridCache(folder=Path(cache).absolute())
-    detect_one = partial(detect_in_photo, target=targets[0], cache=kept)
+    detect_one = partial(detect_in_photo, target=next(iter(targets), None), cache=kept)
     found = work.done(detect_one, _make_paths_absolute(photos, work))
+    if not targets:
+        size = _find_common_size(found) or (0, 0)
+        return nameless([photo.name for photo in photos], [one.grids for one in found], size)
     named: list[Detection] = []
     for number, target in enumerate(targets, start=1):
         try:
@@ -234,71 +256,31 @@ def _name_corners(
     size = _find_common_size(found)
     if size is None:
         raise _make_error(_explain_nothing_read(found))
-    with_boards = [_is_showing_boards(one) for one in found]
+    showing = [_is_showing_boards(one) for one in found]
     found = [
         _refuse_other_size(one, photo.name, size) for one, photo in zip(found, photos, strict=True)
     ]
     usable = [index for index, one in enumerate(found) if one.grids is not None]
-    detections = [found[index] for index in usable]
-    grids = [detected.grids for detected in detections if detected.grids is not None]
-    names = [photos[index].name for index in usable]
-    identified = None
-    if target.has_markers:
-        marked = [detected.marked for detected in detections if detected.marked is not None]
-        corners = marked_corners(marked, target, size, names)
-        parts = [
-            PhotoReport(
-                name=name,
-                refusal=detected.refusal,
-                remarks=_report_twice_in_view(own, name, target),
-                found=replace(shown, grids=()),
-            )
-            for detected, own, shown, name in zip(detections, marked, grids, names, strict=True)
-        ]
-    else:
-        identified = name_grids([one.grids for one in grids], target, size, names)
-        corners = identified.corners
-        fits = nominal_target_fits(identified.grids, target)
-        parts = [
-            PhotoReport(
-                name=name,
-                refusal=detected.refusal,
-                remarks=tuple(
-                    remark for grid in own if (remark := remark_of(name, grid, odd=fits))
-                ),
-                exact=bool(exact),
-                found=detected.grids,
-                grids=own,
-            )
-            for detected, name, own, exact in zip(
-                detections, names, identified.grids, identified.exact, strict=True
-            )
-        ]
+    name = _name_by_markers if target.has_markers else _name_by_geometry
+    corners, named, make_evidence = name(
+        [photos[index].name for index in usable], [found[index] for index in usable], target, size
+    )
     reports = [
         PhotoReport(name=photo.name, refusal=detected.refusal)
         for photo, detected in zip(photos, found, strict=True)
     ]
-    for number, (index, part) in enumerate(zip(usable, parts, strict=True)):
-        board = corners.board[corners.image == number]
-        boards = tuple(corners.boards[one] for one in np.unique(board))
-        reports[index] = replace(part, boards=boards, corners=len(board))
-    about: dict[str, Any] = {
-        "photos": len(photos),
-        "names": names,
-        "picture": lambda number: photos[usable[number]].grey_if_readable(),
-        "target": target,
-        "with_boards": sum(with_boards),
-        "lost": [
-            report.loss
-            for report, shows in zip(reports, with_boards, strict=True)
-            if shows and report.loss is not None
-        ],
-    }
-    findings = find_faults(
-        MarkerEvidence(**about, corners=corners, grids=grids)
-        if identified is None
-        else GridEvidence(**about, identified=identified)
+    for number, (index, report) in enumerate(zip(usable, named, strict=True)):
+        reports[index] = report.with_corners(corners, number)
+    lost = [report.loss for report in compress(reports, showing)]
+    evidence = make_evidence(
+        photos=len(photos),
+        names=corners.images,
+        picture=lambda number: photos[usable[number]].grey_if_readable(),
+        target=target,
+        with_boards=sum(showing),
+        lost=[why for why in lost if why is not None],
     )
+    findings = find_faults(evidence)
     _refuse(findings, named=len(corners.pixel) > 0)
     if not len(corners.pixel):
         raise _explain_no_checkerboard(found)
@@ -306,8 +288,60 @@ def _name_corners(
         corners=corners.only_seen()[0],
         photos=tuple(reports),
         findings=tuple(findings),
-        other_colours=identified is not None and identified.other_colours,
+        other_colours=evidence.other_colours,
     )
+
+
+_Named = tuple[Observations, list[PhotoReport], Callable[..., PhotoEvidence]]
+"""Named corners, a report on each photo, and what makes evidence of both."""
+
+
+def _name_by_markers(
+    names: Sequence[str],
+    detected: Sequence[PhotoDetection],
+    target: Target,
+    size: tuple[int, int],
+) -> _Named:
+    """The corners that markers name in photos of one size."""
+    marked = [one.marked for one in detected if one.marked is not None]
+    grids = [one.grids for one in detected if one.grids is not None]
+    corners = marked_corners(marked, target, size, names)
+    reports = [
+        PhotoReport(
+            name=name,
+            refusal=one.refusal,
+            remarks=_report_twice_in_view(own, name, target),
+            found=replace(shown, grids=()),
+        )
+        for name, one, own, shown in zip(names, detected, marked, grids, strict=True)
+    ]
+    return corners, reports, partial(MarkerEvidence, corners=corners, grids=grids)
+
+
+def _name_by_geometry(
+    names: Sequence[str],
+    detected: Sequence[PhotoDetection],
+    target: Target,
+    size: tuple[int, int],
+) -> _Named:
+    """The corners that grids in photos of one size have by where they lie."""
+    grids = [one.grids.grids for one in detected if one.grids is not None]
+    identified = name_grids(grids, target, size, names)
+    fits = nominal_target_fits(identified.grids, target)
+    reports = [
+        PhotoReport(
+            name=name,
+            refusal=one.refusal,
+            remarks=remarks_of(name, own, odd=fits),
+            exact=bool(exact),
+            found=one.grids,
+            grids=own,
+        )
+        for name, one, own, exact in zip(
+            names, detected, identified.grids, identified.exact, strict=True
+        )
+    ]
+    return identified.corners, reports, partial(GridEvidence, identified=identified)
 
 
 def _refuse(findings: Sequence[Finding], *, named: bool) -> None:
@@ -371,26 +405,3 @@ def _explain_no_checkerboard(found: Sequence[PhotoDetection]) -> DetectionError:
             figures = {**most.figures, "photos": len(found)}
             return DetectionError(replace(most, case=case, figures=figures).line)
     return DetectionError(f"{plural(len(found), 'photo')}, no checkerboard: {most.line}")
-
-
-def drawings(folder: Path, photos: Sequence[Photo]) -> dict[str, Path]:
-    """Where the drawing of each photo goes, by the photo's name.
-
-    The photo's suffix is left out, unless two drawings would then have one name or a drawing
-    would replace a photo.
-
-    Raises:
-        OutputError: a drawing would replace a photo whatever it is called.
-
-    """
-    taken = {os.path.realpath(photo.path) for photo in photos}
-    full = [photo.name for photo in photos]
-    short = [PurePath(name).with_suffix("").as_posix() for name in full]
-    for names in (short, full):
-        paths = [folder / f"{name}.png" for name in names]
-        # File systems may not tell a from A.
-        apart = names is full or len({name.casefold() for name in names}) == len(names)
-        refuse_outside(folder, paths)
-        if apart and taken.isdisjoint(map(os.path.realpath, paths)):
-            return dict(zip(full, paths, strict=True))
-    raise OutputError(f"drawings in {folder} would replace photos: choose another folder")

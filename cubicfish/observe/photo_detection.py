@@ -161,31 +161,31 @@ def detect_in_photo(
     try:
         data = read_file(photo.path) if photo.picture is None else b""
         picture = lru_cache(maxsize=1)(partial(_read_picture, photo, data))
-        if target is not None and target.has_only_markers:
-            # Markers say where their boards are: nothing else is searched for squares.
-            detected = _detect_markers(picture, target, None)
-            if not detected.is_empty:
-                return detected
         # What is in memory has no bytes to know it by.
-        cache = cache if cache and data else GridCache()
-        boards = _list_boards(target)
-        key = cache.key(data, boards)
-        grids = cache.load(key) or cache.keep(key, find_grids(picture(), boards))
+        kept = cache if cache and data else GridCache()
+        find = lru_cache(maxsize=1)(partial(_find_squares, data, picture, target, kept))
+        if target is not None and target.has_markers:
+            detected = _look_for_markers(picture, target, find)
+        else:
+            detected = PhotoDetection(grids=find())
     except PhotoError as error:
         why = make_refusal(photo.name, Code.CANNOT_BE_READ, problem=str(error))
         return PhotoDetection(grids=None, refusal=why)
-    if target is None:
-        return PhotoDetection(grids=grids)
-    detected = _detect_markers(picture, target, grids)
-    width, height = grids.image_size
-    if detected.is_empty and target.has_markers and 4 * width * height <= MOST_PIXELS:
-        detected = _look_closely(picture, target, grids) or detected
-    if detected.is_empty and target.has_markers and grids.grids:
+    if target is None or not detected.is_empty:
+        return detected
+    if target.has_markers and find().grids:
         return replace(detected, refusal=make_refusal(photo.name, Code.NO_MARKERS))
-    if detected.is_empty:
-        why = explain_no_grids(picture(), grids)
-        return replace(detected, refusal=replace(why, severity=Severity.CARE, images=(photo.name,)))
-    return detected
+    why = explain_no_grids(picture(), find())
+    return replace(detected, refusal=replace(why, severity=Severity.CARE, images=(photo.name,)))
+
+
+def _find_squares(
+    data: bytes, picture: Callable[[], Picture], target: Target | None, kept: GridCache
+) -> FoundGrids:
+    """The grids of squares in a picture, or what is kept of it."""
+    boards = _list_boards(target)
+    key = kept.key(data, boards)
+    return kept.load(key) or kept.keep(key, find_grids(picture(), boards))
 
 
 def _list_boards(target: Target | None) -> list[tuple[int, int]]:
@@ -203,15 +203,26 @@ def make_refusal(name: str, code: Code, case: str = "", **figures: int | str) ->
     return Finding(code=code, case=case, severity=Severity.CARE, images=(name,), figures=figures)
 
 
-def _look_closely(
-    picture: Callable[[], Picture], target: Target, grids: FoundGrids
-) -> PhotoDetection | None:
-    """What markers at twice a photo's size name, if anything."""
+def _look_for_markers(
+    picture: Callable[[], Picture], target: Target, find: Callable[[], FoundGrids]
+) -> PhotoDetection:
+    """What markers name, by the first look that shows any: each costs more than those before."""
+    look = partial(_detect_markers, picture, target)
+    if target.has_only_markers:
+        # Markers say where their boards are: nothing else is searched for squares.
+        alone = look(None)
+        if not alone.is_empty:
+            return alone
+    grids = find()
+    plain = look(grids)
+    width, height = grids.image_size
+    if not plain.is_empty or 4 * width * height > MOST_PIXELS:
+        return plain
     for known in (None, grids) if target.has_only_markers else (grids,):
-        closer = _detect_markers(picture, target, known, closely=True)
+        closer = look(known, closely=True)
         if not closer.is_empty:
             return closer
-    return None
+    return plain
 
 
 def _detect_markers(
@@ -221,8 +232,6 @@ def _detect_markers(
     *,
     closely: bool = False,
 ) -> PhotoDetection:
-    if not target.has_markers:
-        return PhotoDetection(grids=grids)
     from cubicfish.find.detection.markers import find_marked_corners  # for them alone
 
     marked = find_marked_corners(picture(), target, grids, closely=closely)

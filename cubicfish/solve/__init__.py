@@ -5,3 +5,7 @@
 must offer. `leave_one_out.py` takes single photos away again without another fit. `statistics.py`
 has the noise and the errors of residuals, `subset.py` parts of observations.
 """
+
+from cubicfish.lazy import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__)

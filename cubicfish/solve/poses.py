@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,6 +64,23 @@ class Poses(Brief):
     def scaled(self, factor: float) -> Poses:
         """The same poses in a unit of length, of which ``factor`` are one of theirs."""
         return Poses(rotation=self.rotation, translation=self.translation * factor)
+
+    @classmethod
+    def of_photos(
+        cls, known: Mapping[str, tuple[FloatArray, FloatArray]], names: Sequence[str]
+    ) -> Poses | None:
+        """The poses of some photos; None where one is not known.
+
+        Args:
+            known: rotation vectors (3,) in radians and translations (3,) by photo, as
+                :attr:`~cubicfish.judge.fit_record.FitRecord.poses` has them.
+            names: of the photos.
+
+        """
+        if not names or any(name not in known for name in names):
+            return None
+        vectors, shifts = zip(*(known[name] for name in names), strict=True)
+        return cls(rotation=rotation_from_vector(vectors), translation=np.array(shifts))
 
     @classmethod
     def joined(cls, parts: Sequence[Poses]) -> Poses:

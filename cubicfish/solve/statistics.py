@@ -37,6 +37,7 @@ ALIKE = 10
 _POSE = 6
 # Fewer photos do not show how much photos differ.
 _FEWEST_PHOTOS = 3
+_RING_DEG = 10.0
 
 
 def error_statistics(residual: FloatArray, corners: int | None = None) -> ErrorStatistics:
@@ -54,6 +55,21 @@ def error_statistics(residual: FloatArray, corners: int | None = None) -> ErrorS
 def rms_px(residual: FloatArray) -> float:
     """sqrt(mean(dx² + dy²)) of residuals (N, 2)."""
     return float(np.sqrt(np.mean(np.sum(residual * residual, axis=-1))))
+
+
+def rings(theta: FloatArray, miss: FloatArray) -> list[dict[str, float]]:
+    """Statistics of differences (N, 2) in rings of 10°, by angles from the axis (N,) in radians."""
+    ring = (np.rad2deg(theta) // _RING_DEG).astype(int)
+    return [
+        {
+            "from_deg": number * _RING_DEG,
+            "to_deg": (number + 1) * _RING_DEG,
+            "rms_px": rms_px(miss[ring == number]),
+            "max_px": float(np.linalg.norm(miss[ring == number], axis=1).max()),
+            "pixels": int((ring == number).sum()),
+        }
+        for number in np.unique(ring).tolist()
+    ]
 
 
 def photo_records(

@@ -3,6 +3,8 @@
 Photos are enough if the verdict asks for none: advice, report and commands all go by it.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +16,7 @@ from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.fit_record import FitRecord
 from cubicfish.judge.uncertainty import FieldUncertainty, of_size
-from cubicfish.judge.verdict import Verdict, verdict
+from cubicfish.judge.verdict import COVERAGE, FEW_OF_A_PLANE, FEW_PHOTOS, Verdict
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.target.observations import Observations
 from cubicfish.types import FloatArray, IntArray
@@ -22,12 +24,15 @@ from cubicfish.types import FloatArray, IntArray
 GOAL_PX = 0.2
 """What proposals aim at over the field, for photos of up to 2000 pixels per side;
 larger ones in proportion."""
-_PARTS = 2
 # The middle, which has no sides, reaches so far; of the rest the outer ring has this share.
 _MIDDLE_FIELD_DEG = 20.0
 _OUTER_RING = 0.4
 # A part counts as empty when so many of its squares hold no corner.
 _EMPTY_SHARE = 0.6
+# Clockwise from the right, y down, an eighth of a turn each.
+_SIDES = (
+    "right", "lower right", "bottom", "lower left", "left", "upper left", "top", "upper right",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,36 +40,24 @@ class Part:
     """A part of the picture without corners.
 
     Attributes:
-        sides: indices of SIDES; all eight is a ring, none the middle.
+        sides: words such as ``upper left``; all eight is a ring, none the middle.
         from_deg, to_deg: angles from the axis.
         share: of the field's squares that are empty there, of all squares of the field.
 
     """
 
-    sides: tuple[int, ...]
+    sides: tuple[str, ...]
     from_deg: float
     to_deg: float
     share: float
 
-    @property
-    def words(self) -> str:
-        """``upper left, 60–80° from the axis``."""
-        angles = f"{self.from_deg:.0f}–{self.to_deg:.0f}° from the axis"
-        if not self.sides:
-            return f"the middle, up to {self.to_deg:.0f}° from the axis"
-        if len(self.sides) == 8:
-            return f"all around, {angles}"
-        *others, last = (SIDES[side] for side in self.sides)
-        return f"{' and '.join(filter(None, [', '.join(others), last]))}, {angles}"
-
     def as_record(self) -> dict[str, Any]:
         """Return plain data for JSON."""
         return {
-            "sides": [SIDES[side] for side in self.sides],
+            "sides": list(self.sides),
             "from_deg": self.from_deg,
             "to_deg": self.to_deg,
             "share": self.share,
-            "words": self.words,
         }
 
 
@@ -81,48 +74,71 @@ class CoverageGaps:
     parts: tuple[Part, ...]
     cells: FieldCells
 
+    @classmethod
+    def of(cls, camera: CubicCamera, pairs: Observations) -> CoverageGaps:
+        """Look for parts of the field without corners: of the middle, and of two rings around it.
 
-def find_coverage_gaps(camera: CubicCamera, pairs: Observations) -> CoverageGaps:
-    """Look for parts of the field without corners: of the middle, and of two rings around it.
+        Args:
+            camera: the camera.
+            pairs: the corners that it was fitted to.
 
-    Args:
-        camera: the camera.
-        pairs: the corners that it was fitted to.
-
-    """
-    cells = field_cells(camera, pairs.pixel)
-    row, column = np.nonzero(cells.field)
-    rays = camera.unproject((np.stack([column, row], axis=-1) + 0.5) * cells.cell - 0.5)
-    seen = np.isfinite(rays[:, 0])
-    rays, gone = rays[seen], cells.empty[row, column][seen]
-    angle, side = np.degrees(angle_from_axis(rays)), side_of(rays[:, :2])
-    rim = max(camera.max_angle_deg, _MIDDLE_FIELD_DEG)
-    outer = rim - _OUTER_RING * (rim - _MIDDLE_FIELD_DEG)
-    parts = []
-    for low, high in ((0.0, _MIDDLE_FIELD_DEG), (_MIDDLE_FIELD_DEG, outer), (outer, rim)):
-        ring = (angle >= low) & (angle < high)
-        ways = [ring] if not low else [ring & (side == way) for way in range(len(SIDES))]
-        lost = [
-            way for way, own in enumerate(ways) if own.any() and gone[own].mean() >= _EMPTY_SHARE
-        ]
-        if lost:
-            share = sum(gone[ways[way]].sum() for way in lost) / len(rays)
-            sides = tuple(lost) if low else ()
-            parts.append(Part(sides=sides, from_deg=low, to_deg=high, share=float(share)))
-    return CoverageGaps(parts=tuple(sorted(parts, key=lambda part: -part.share)), cells=cells)
-
-
-# Clockwise from the right, y down, an eighth of a turn each.
-SIDES = (
-    "right", "lower right", "bottom", "lower left", "left", "upper left", "top", "upper right",
-)  # fmt: skip
+        """
+        cells = field_cells(camera, pairs.pixel)
+        row, column = np.nonzero(cells.field)
+        rays = camera.unproject((np.stack([column, row], axis=-1) + 0.5) * cells.cell - 0.5)
+        seen = np.isfinite(rays[:, 0])
+        rays, gone = rays[seen], cells.empty[row, column][seen]
+        angle, side = np.degrees(angle_from_axis(rays)), _find_eighth(rays[:, :2])
+        rim = max(camera.max_angle_deg, _MIDDLE_FIELD_DEG)
+        outer = rim - _OUTER_RING * (rim - _MIDDLE_FIELD_DEG)
+        parts = []
+        for low, high in ((0.0, _MIDDLE_FIELD_DEG), (_MIDDLE_FIELD_DEG, outer), (outer, rim)):
+            ring = (angle >= low) & (angle < high)
+            ways = {"": ring}
+            if low:
+                ways = {word: ring & (side == number) for number, word in enumerate(_SIDES)}
+            lost = [
+                word for word, own in ways.items() if own.any() and gone[own].mean() >= _EMPTY_SHARE
+            ]
+            if lost:
+                share = sum(gone[ways[word]].sum() for word in lost) / len(rays)
+                sides = tuple(lost) if low else ()
+                parts.append(Part(sides=sides, from_deg=low, to_deg=high, share=float(share)))
+        return cls(parts=tuple(sorted(parts, key=lambda part: -part.share)), cells=cells)
 
 
-def side_of(offset: FloatArray) -> IntArray:
-    """Return the eighth of the picture of offsets (..., 2) from the axis, an index of SIDES."""
+def _find_eighth(offset: FloatArray) -> IntArray:
+    """Return the eighth of the picture of offsets (..., 2) from the axis, an index of _SIDES."""
     turn = azimuth(offset)
     eighth: IntArray = np.rint(turn / (np.pi / 4)).astype(np.intp) % 8
     return eighth
+
+
+def side_of(offset: FloatArray) -> str:
+    """Return which side of the picture an offset (2,) from the axis is on, such as upper left."""
+    return _SIDES[int(_find_eighth(offset))]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Goal:
+    """What a camera's photos need to be enough.
+
+    Attributes:
+        p95_px: the uncertainty to aim at over 95 % of the field, pixels.
+        photos: how many photos at least.
+        coverage: the share of the field that corners cover at least.
+
+    """
+
+    p95_px: float
+    photos: int
+    coverage: float
+
+    @classmethod
+    def of(cls, fit: FitRecord, image_size: tuple[int, int]) -> Goal:
+        """Return what photos of a size need, by the record of a fit to some of them."""
+        photos = FEW_OF_A_PLANE[0] if fit.flat else FEW_PHOTOS
+        return cls(p95_px=default_goal(image_size), photos=photos, coverage=COVERAGE[0])
 
 
 def default_goal(image_size: tuple[int, int]) -> float:
@@ -150,24 +166,3 @@ def explain_insufficiency(
         figures = {"p95_px": now.p95_px, "goal_px": goal}
         reasons.append(Finding(code=Code.NOT_CERTAIN, severity=Severity.CARE, figures=figures))
     return reasons
-
-
-def summary(camera: CubicCamera, fit: FitRecord, pairs: Observations) -> str:
-    """Return whether more photos are needed, and of which parts of the picture, in one line.
-
-    Args:
-        camera: a calibrated camera.
-        fit: its record.
-        pairs: the pairs that it was fitted to.
-
-    """
-    gaps, now = find_coverage_gaps(camera, pairs), fit.uncertainty.field
-    reasons = explain_insufficiency(verdict(fit, camera.image_size, camera.outline()))
-    if not reasons:
-        known = f", and 95 % of it is certain to {now.p95_px:.3f} px" if now else ""
-        return f"enough photos: corners cover {100 * gaps.cells.coverage:.0f} % of the field{known}"
-    if reasons[0].code is Code.NOT_TRUSTED:
-        return f"heed the verdict first: {reasons[0].figures['mend']}"
-    where = "; ".join(part.words for part in gaps.parts[:_PARTS])
-    next_ones = f"show the target next at: {where}" if where else f"more photos: {reasons[0].what}"
-    return f"{next_ones} ('cubicfish advise' says from where)"

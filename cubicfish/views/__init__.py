@@ -9,3 +9,7 @@ compares each with the plain way. `camera_for_photos` (`maps.py`) makes the came
 photo, so that no other code deals with rescaled photos. What people ask of a view, and which one
 suits a camera, is in `undistortion/options.py` and `undistortion/choose.py`.
 """
+
+from cubicfish.lazy import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__)

@@ -10,3 +10,7 @@ errors as values. The work is unpickled once per process, so that maps are made 
 may run twice, so the right to write is settled before the work begins and tasks replace what they
 wrote.
 """
+
+from cubicfish.lazy import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__)

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import UsageError
-from cubicfish.files.whole_files import StrPath, refuse_existing
-from cubicfish.run import RUN, Run
+from cubicfish import Run, UsageError
+from cubicfish.files import StrPath
+from cubicfish.run import RUN
 from cubicfish_cli.inputs.paths import in_folder, path_or_none
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import enforce_max_rms, print_figure, print_spread, px
 from cubicfish_cli.terminal.parameters import as_command, option, record
@@ -17,7 +18,7 @@ from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_table, result
 
 if TYPE_CHECKING:
-    from cubicfish.comparison import Comparison
+    from cubicfish import Comparison
 
 _DRAWN_PIXELS = 150_000
 
@@ -73,18 +74,18 @@ def compare_files(options: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
         OutputError: the picture exists and may not be replaced, or cannot be written.
 
     """
-    from cubicfish.comparison import compare
+    from cubicfish import compare
     from cubicfish.io.camera_keys import read_camera
     from cubicfish_cli.undistortion.images import check_suffix, write_picture
 
     path = path_or_none(options.picture)
+    paths = [in_folder(Path(given)) for given in (options.first, options.second)]
     if path is not None:
-        refuse_existing(path, overwrite=run.overwrite)
+        Plan(run).reads(paths).writes(path)
         check_suffix(path)
     elif run.overwrite:
         raise UsageError("--overwrite goes with --picture, which writes a file: leave it out")
-    both = (read_camera(in_folder(Path(given))) for given in (options.first, options.second))
-    comparison = compare(*both)
+    comparison = compare(*map(read_camera, paths))
     if path is not None:
         write_picture(path, _draw_picture(comparison), overwrite=run.overwrite)
     return ComparedFiles(comparison=comparison, picture=path)

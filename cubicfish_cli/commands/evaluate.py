@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run
+from cubicfish import Run
+from cubicfish.files import StrPath
+from cubicfish.run import RUN
 from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import check_inputs, in_folder, paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
@@ -19,13 +20,9 @@ from cubicfish_cli.terminal.progress import How, report_found, report_left_out
 from cubicfish_cli.terminal.terminal import print_message, result
 
 if TYPE_CHECKING:
-    from cubicfish.fit.evaluate import Evaluation
-    from cubicfish.io.camera_yaml import CameraFile
-    from cubicfish.judge.fit_record import FitRecord
+    from cubicfish import CameraFile, CubicCamera, Evaluation, Target, Verdict
+    from cubicfish.judge import FitRecord
     from cubicfish.judge.uncertainty import PixelUncertainty
-    from cubicfish.judge.verdict import Verdict
-    from cubicfish.models.cubic import CubicCamera
-    from cubicfish.target.target import Target
     from cubicfish_cli.observe import Inputs
 
 
@@ -88,8 +85,8 @@ def evaluate_files(options: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFile
     """
     paths, source = paths_of(options.inputs), TargetSource.of(options.target)
     check_inputs(paths, source, run, image_size=options.image_size)
+    from cubicfish import load_camera
     from cubicfish.fit.evaluate import evaluate
-    from cubicfish.io.camera_yaml import load_camera
     from cubicfish.judge.verdict import evaluation_verdict
     from cubicfish_cli.observe import load_inputs
 
@@ -158,8 +155,9 @@ def command(made: EvaluatedFiles, given: EvaluateOptions, how: How) -> None:
 
 def report_unplaced(photos: Sequence[str], of: str = "") -> None:
     """Say which photos could not be placed; ``of`` names the camera."""
-    from cubicfish.judge.codes import Code, Severity
-    from cubicfish.judge.finding import Finding
+    from cubicfish import Finding
+    from cubicfish.judge import Severity
+    from cubicfish.judge.codes import Code
 
     too_few = Finding(code=Code.TOO_FEW_CORNERS, severity=Severity.CARE)
     report_left_out(dict.fromkeys(photos, too_few), of)

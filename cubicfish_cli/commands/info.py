@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run
+from cubicfish import Run
+from cubicfish.files import StrPath
+from cubicfish.run import RUN
 from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.terminal import parameters
@@ -83,7 +84,7 @@ def info_files(options: InfoOptions, *, run: Run = RUN) -> CameraInfo:
         CameraFileError: the file cannot be used.
 
     """
-    from cubicfish.io.camera_yaml import load_any_camera
+    from cubicfish import load_any_camera
 
     path = in_folder(Path(options.camera))
     return CameraInfo(model=path, known=load_any_camera(path))

@@ -6,18 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish.errors import UsageError, ViewError
+from cubicfish import CubicCamera, Event, Run, UsageError, ViewError, build_plane, load_any_camera
 from cubicfish.fit.evaluate import evaluate
-from cubicfish.io.camera_yaml import Calibrated, load_any_camera
-from cubicfish.judge.fit_record import FitRecord
-from cubicfish.listener import Event
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.observe.detection import first_pass
-from cubicfish.photos.photos import Photo
-from cubicfish.run import Run
-from cubicfish.views.maps import camera_for_photos
-from cubicfish.views.plane import board_with_plane, build_plane
-from cubicfish.views.view import PointProjector, matrix_of_rotation
+from cubicfish.io.camera_yaml import Calibrated
+from cubicfish.judge import FitRecord
+from cubicfish.observe import find_corners
+from cubicfish.photos import Photo
+from cubicfish.views import PointProjector, camera_for_photos
+from cubicfish.views.plane import board_with_plane
+from cubicfish.views.view import matrix_of_rotation
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.undistortion.batch import Size, Views
 from cubicfish_cli.undistortion.choose import ChosenView
@@ -72,7 +69,7 @@ class PlaneViews(Views):
             return
         run.listener.tell(Event.WITHOUT_POSE, photos=len(missing))
         photos = [Photo(name=source.name, path=source) for source in missing]
-        found = first_pass(photos, [self._target], run.work("Finding corners"))
+        found = find_corners(photos, [self._target], run, again=False)
         self._poses |= _read_poses(FitRecord(per_image=evaluate(camera, found.corners).photos))
 
     def chosen(self, source: Path, size: Size) -> ChosenView:

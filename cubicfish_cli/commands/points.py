@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish.errors import CorrespondenceError, UsageError
-from cubicfish.files.reading import read_bytes
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run
+from cubicfish import CorrespondenceError, Run, UsageError
+from cubicfish.files import StrPath, read_bytes
+from cubicfish.run import RUN
 from cubicfish.wording import quoted
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.terminal import parameters
@@ -166,7 +165,8 @@ def project_points(options: ProjectOptions, *, run: Run = RUN) -> Points:
         CubicfishError: the camera or the points cannot be used.
 
     """
-    from cubicfish.io.camera_yaml import PointCameraFile, load_any_camera
+    from cubicfish import load_any_camera
+    from cubicfish.io.camera_yaml import PointCameraFile
 
     loaded = load_any_camera(in_folder(Path(options.camera)))
     if isinstance(loaded, PointCameraFile) and options.near:

@@ -9,17 +9,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import UsageError, ViewError
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run, made_by_record
+from cubicfish import Run, UsageError, ViewError
+from cubicfish.files import StrPath
+from cubicfish.run import RUN, made_by_record
 from cubicfish_cli.inputs.paths import in_folder
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, Parsed, as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_wrote, result
 
 if TYPE_CHECKING:
-    from cubicfish.io.camera_yaml import CameraFile
+    from cubicfish import CameraFile
 
 # Pixels: a scale is written with some digits, and photos have whole sizes.
 _WHOLE_PX = 0.01
@@ -105,7 +106,7 @@ def transform_camera(camera: CameraFile, *, crop: Crop | None, scale: float) -> 
     """
     import numpy as np
 
-    from cubicfish.io.camera_yaml import CameraFile
+    from cubicfish import CameraFile
     from cubicfish.judge.fit_record import fit_record
 
     old = camera.camera
@@ -185,12 +186,11 @@ def transform_files(options: TransformOptions, *, run: Run = RUN) -> Transformed
         CubicfishError: the camera cannot be read, or its file exists and may not be replaced.
 
     """
+    from cubicfish import load_camera
     from cubicfish.files.fingerprint import fingerprint
-    from cubicfish.files.whole_files import refuse_existing
-    from cubicfish.io.camera_yaml import load_camera
 
     path, goal = in_folder(Path(options.camera)), Path(options.output)
-    refuse_existing(goal, overwrite=run.overwrite)
+    Plan(run).reads(path).writes(goal)
     source, loaded = fingerprint(path), load_camera(path)
     made = transform_camera(loaded, crop=options.crop, scale=options.scale)
     given = {"crop": None if options.crop is None else str(options.crop), "scale": options.scale}

@@ -10,16 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish.errors import OutputError, PhotoError, UsageError
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run
+from cubicfish import OutputError, PhotoError, Run, UsageError
+from cubicfish.files import StrPath
+from cubicfish.run import RUN
 from cubicfish.wording import plural
 from cubicfish_cli.commands.view_options import (
     report_unseen,
     view_options,
     view_or_plane_options,
 )
-from cubicfish_cli.inputs.paths import in_folder, named_photos, paths_of
+from cubicfish_cli.inputs.paths import in_folder, named_photos, path_or_none, paths_of
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record
 from cubicfish_cli.terminal.progress import How
@@ -32,9 +33,8 @@ from cubicfish_cli.undistortion.options import (
 )
 
 if TYPE_CHECKING:
+    from cubicfish import CubicCamera, View
     from cubicfish.io.camera_yaml import Calibrated
-    from cubicfish.models.cubic import CubicCamera
-    from cubicfish.views.view import View
     from cubicfish_cli.commands.pictures import UndistortedFiles
     from cubicfish_cli.undistortion.batch import Views
 
@@ -85,6 +85,16 @@ class PictureOptions:
     def parts(self) -> tuple[str, ...]:
         """Names of the pictures that a photo becomes; one without a name unless it is a cube."""
         return self.view.parts if isinstance(self.view, ViewOptions) else ("",)
+
+    def files_beside(self) -> list[Path]:
+        """The masks and the virtual cameras that are asked for."""
+        from cubicfish_cli.undistortion.images import part_name
+        from cubicfish_cli.undistortion.map_formats import camera_path
+
+        mask, camera = path_or_none(self.mask), path_or_none(self.virtual_camera)
+        masks = [part_name(mask, part) for part in self.parts] if mask is not None else []
+        cameras = [camera_path(camera, part) for part in self.parts] if camera is not None else []
+        return masks + cameras
 
     def refuse_unused(self, kind: str, suffixes: Collection[str]) -> None:
         """Refuse options that have no effect on such sources and results.
@@ -164,8 +174,8 @@ def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> Undistorted
         CubicfishError: the camera, the target or the executor cannot be used.
 
     """
+    from cubicfish import CubicCamera
     from cubicfish.io.camera_keys import read_camera
-    from cubicfish.models.cubic import CubicCamera
     from cubicfish_cli.commands.pictures import plan_pictures, write_pictures
     from cubicfish_cli.undistortion.batch import Views
 
@@ -176,11 +186,13 @@ def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> Undistorted
     if kind == "video" and (run.executor is not None or run.jobs is not None):
         name = "--jobs" if run.executor is None else "--scheduler"
         raise UsageError(f"{name} is for photos: do videos without it")
-    plan = plan_pictures(kind, photos, Path(options.output), options, run, alone=alone)
     path: Path | None = None
     known: Any = options.camera
     if isinstance(known, str | os.PathLike):
         known = path = in_folder(Path(known))
+    plane = options.view if isinstance(options.view, PlaneOptions) else None
+    register = Plan(run, skip_existing=options.skip_existing).reads(path, plane and plane.target)
+    plan = plan_pictures(kind, photos, Path(options.output), options, run, register, alone=alone)
     if isinstance(options.view, PlaneOptions):
         from cubicfish_cli.commands.planes import PlaneViews
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish.errors import UsageError
+from cubicfish import UsageError
 from cubicfish.wording import either
 from cubicfish_cli.terminal.parameters import (
     SIZE,

@@ -14,8 +14,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.errors import MISSING, OutputError, PhotoError
-from cubicfish.photos.photos import MAX_PIXELS, shown
+from cubicfish import OutputError, PhotoError
+from cubicfish.errors import MISSING
+from cubicfish.photos import shown
+from cubicfish.photos.photos import MAX_PIXELS
 from cubicfish_cli.inputs.paths import file_and_topic
 
 Picture = npt.NDArray[Any]

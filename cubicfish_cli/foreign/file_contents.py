@@ -15,10 +15,9 @@ from typing import Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.errors import CameraFileError
+from cubicfish import CameraFileError, FloatArray
+from cubicfish.files import read_text
 from cubicfish.files.plain_yaml import mapping
-from cubicfish.files.reading import read_text
-from cubicfish.types import FloatArray
 from cubicfish.units import times
 from cubicfish.wording import quoted
 

@@ -9,19 +9,14 @@ from glob import has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish.errors import (
-    MISSING,
-    CameraFileError,
-    CubicfishError,
-    UsageError,
-)
-from cubicfish.files.whole_files import StrPath
-from cubicfish.listener import Listener
+from cubicfish import CameraFileError, CubicfishError, Listener, UsageError
+from cubicfish.errors import MISSING
+from cubicfish.files import StrPath
 from cubicfish.wording import quoted
 
 if TYPE_CHECKING:
-    from cubicfish.photos.photos import Photo
-    from cubicfish.run import Run
+    from cubicfish import Run
+    from cubicfish.photos import Photo
     from cubicfish_cli.inputs.target_source import TargetSource
 
 RECORDING_SUFFIXES = (".bag", ".mcap", ".db3")
@@ -49,6 +44,12 @@ def in_folder(path: Path) -> Path:
         f"{path} is a folder without a {inside.name}: name the folder that 'cubicfish "
         "calibrate' wrote, or a camera file"
     )
+
+
+def calibration_files(model: Path) -> list[Path]:
+    """A camera's file, and the others of its calibration that may lie beside it."""
+    beside = ("corners.csv", "target.yaml", "target.refined.yaml")
+    return [model, *(model.with_name(name) for name in beside)]
 
 
 def paths_of(given: StrPath | Iterable[StrPath]) -> list[Path]:
@@ -152,8 +153,8 @@ def named_photos(inputs: Sequence[StrPath], listener: Listener) -> list[Photo]:
         PhotoError: there are none, or one cannot be used.
 
     """
-    from cubicfish.listener import Event
-    from cubicfish.photos.photos import find_photos
+    from cubicfish import Event
+    from cubicfish.photos import find_photos
 
     lines: list[str] = []
     photos = find_photos(inputs, lines)

@@ -11,20 +11,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import (
-    MISSING,
-    CubicfishError,
-    TargetError,
-    UsageError,
-)
-from cubicfish.files.whole_files import StrPath
-from cubicfish.listener import SILENT, Listener
+from cubicfish import CubicfishError, Listener, TargetError, UsageError
+from cubicfish.errors import MISSING
+from cubicfish.files import StrPath
+from cubicfish.listener import SILENT
 from cubicfish.units import MILLIMETRES
 from cubicfish.wording import quoted
 
 if TYPE_CHECKING:
+    from cubicfish import Target
     from cubicfish.files.fingerprint import Fingerprint
-    from cubicfish.target.target import Target
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,11 +87,11 @@ class TargetSource:
             TargetError: its file cannot be used.
 
         """
-        from cubicfish.target.target import Target
+        from cubicfish import Target
 
         self.check()
         if self.by_default:
-            from cubicfish.listener import Event
+            from cubicfish import Event
 
             listener.tell(Event.TARGET, path=self.path)
         if self.given is not None:
@@ -124,7 +120,7 @@ def target_in(given: Target | StrPath) -> Target:
         TargetError: its file cannot be used.
 
     """
-    from cubicfish.target.target import Target
+    from cubicfish import Target
 
     return given if isinstance(given, Target) else load_targets(Path(given))[0]
 
@@ -137,7 +133,8 @@ def load_targets(path: Path) -> list[Target]:
             names the file, the board and the key.
 
     """
-    from cubicfish.target.target import Target, load_target_data
+    from cubicfish import Target
+    from cubicfish.target.target import load_target_data
 
     data = load_target_data(path)
     if isinstance(data, dict) and "target_type" in data:

@@ -5,10 +5,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from cubicfish.errors import TargetError
-from cubicfish.target.boards.board import Board
-from cubicfish.target.boards.markers import Markers
-from cubicfish.types import BoolArray, FloatArray, IntArray
+from cubicfish import BoolArray, FloatArray, IntArray, TargetError
+from cubicfish.target import Board, Markers
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

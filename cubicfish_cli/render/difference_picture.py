@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.types import FloatArray
+from cubicfish import FloatArray
 
 Picture = npt.NDArray[np.uint8]
 

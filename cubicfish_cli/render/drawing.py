@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import CubicfishError
+from cubicfish import CubicfishError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from cubicfish import FloatArray, Target
 from cubicfish.models.sphere import all_around
-from cubicfish.target.boards.board import AROUND_SQUARE, Board
-from cubicfish.target.target import Target
-from cubicfish.types import FloatArray
+from cubicfish.target import Board
+from cubicfish.target.boards.board import AROUND_SQUARE
 from cubicfish_cli.render.drawing import drawing, lay_out
 
 _STYLE: dict[Any, Any] = {"svg.hashsalt": "target", "svg.fonttype": "none", "font.size": 10}

@@ -28,11 +28,11 @@ from cubicfish_cli.terminal.terminal import (
 )
 
 if TYPE_CHECKING:
-    from cubicfish.find.identification.identified import Detection, PhotoReport
-    from cubicfish.judge.finding import Finding, Level
-    from cubicfish.judge.fit_record import DroppedCorner, ErrorStatistics, PhotoRecord
-    from cubicfish.judge.verdict import Verdict
-    from cubicfish.target.observations import Observations
+    from cubicfish import Detection, Finding, Observations, Verdict
+    from cubicfish.find import PhotoReport
+    from cubicfish.judge import PhotoRecord
+    from cubicfish.judge.finding import Level
+    from cubicfish.judge.fit_record import DroppedCorner, ErrorStatistics
     from cubicfish_cli.render.pages.report_files import ReportFiles
     from cubicfish_cli.terminal.progress import How
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 import click
 from click.core import ParameterSource
 
-from cubicfish.errors import CameraFileError, UsageError
+from cubicfish import CameraFileError, UsageError
 from cubicfish.wording import quoted
 from cubicfish_cli.inputs.paths import in_folder
 

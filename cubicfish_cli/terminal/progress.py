@@ -18,9 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish.errors import UsageError
-from cubicfish.listener import Listener
-from cubicfish.run import Run
+from cubicfish import Listener, Run, UsageError
 from cubicfish.wording import plural
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import (
@@ -40,9 +38,8 @@ from cubicfish_cli.terminal.terminal import (
 )
 
 if TYPE_CHECKING:
-    from cubicfish.judge.finding import Finding
-    from cubicfish.listener import Event
-    from cubicfish.workers.pool import Executor
+    from cubicfish import Event, Finding
+    from cubicfish.workers import Executor
 
 
 # What is done sooner shows no line: it would only flash.

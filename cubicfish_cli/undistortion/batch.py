@@ -13,20 +13,12 @@ from pathlib import Path
 from threading import RLock
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import ClusterError, CubicfishError
-from cubicfish.files.whole_files import remove_orphans, write_files
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.photos.photos import (
-    Picture,
-    decode_picture,
-    one_opencv_thread,
-    photo_size,
-    read_file,
-    shown,
-)
-from cubicfish.run import Run
-from cubicfish.views.maps import UndistortMap, camera_for_photos
-from cubicfish.views.view import View
+from cubicfish import ClusterError, CubicCamera, CubicfishError, Run, UndistortMap, View
+from cubicfish.files import write_files
+from cubicfish.files.whole_files import remove_orphans
+from cubicfish.photos import Picture, shown
+from cubicfish.photos.photos import decode_picture, one_opencv_thread, photo_size, read_file
+from cubicfish.views import camera_for_photos
 from cubicfish_cli.undistortion.choose import ChosenView, chosen_view
 from cubicfish_cli.undistortion.images import (
     encode_picture,
@@ -37,7 +29,7 @@ from cubicfish_cli.undistortion.images import (
 from cubicfish_cli.undistortion.options import ViewOptions
 
 if TYPE_CHECKING:
-    from cubicfish.workers.pool import Executor
+    from cubicfish.workers import Executor
 
 Size = tuple[int, int]
 """(width, height), pixels."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
-from cubicfish.errors import UsageError
-from cubicfish.models.cubic import CubicCamera
+from cubicfish import CubicCamera, UndistortMap, UsageError, View, build_map
+from cubicfish.views import CentralView, PointProjector
 from cubicfish.views.fields import (
     Fit,
     axis_focal,
@@ -16,16 +16,9 @@ from cubicfish.views.fields import (
     lost_shares,
     seen_field_deg,
 )
-from cubicfish.views.maps import UndistortMap, WholePhoto, build_map
-from cubicfish.views.view import (
-    Camera,
-    CentralView,
-    PointProjector,
-    View,
-    face_views,
-    rotation_from_angles,
-)
-from cubicfish_cli.undistortion.options import KINDS, WHOLE, Kind, ViewOptions
+from cubicfish.views.maps import WholePhoto
+from cubicfish.views.view import Camera, face_views, rotation_from_angles
+from cubicfish_cli.undistortion.options import KINDS, OUTER, WHOLE, Kind, ViewOptions
 
 MAX_DEFAULT_FIELD_DEG = 120.0
 """A flat picture of a wider field spends nearly all its pixels on the rim."""
@@ -131,36 +124,9 @@ class ChosenView:
             )
         if camera is None or len(self.views) > 1 or not isinstance(view, CentralView):
             return notes
-        across, down = seen_field_deg(camera, view)
-        ways = ((across, view.hfov_deg, "across"), (down, view.vfov_deg, "down"))
-        if any(field - seen >= _LEAST_UNSEEN_DEG for seen, field, _ in ways):
-            words = [
-                f"all {field:.1f}° {way}"
-                if field - seen < _LEAST_UNSEEN_DEG
-                else f"{seen:.1f}° of {field:.1f}° {way}"
-                for seen, field, way in ways
-            ]
-            notes.append(f"the camera sees {', '.join(words)}: the rest is empty")
-        own = camera.camera if isinstance(camera, WholePhoto) else camera
-        if self.given_field or not isinstance(own, CubicCamera):
-            return notes
-        uncalibrated, cut_off = lost_shares(own, view)
-        if own is not camera and uncalibrated:
-            notes.append(
-                f"{100 * uncalibrated:.0f} % of the photo is extrapolated, where the camera is "
-                "not calibrated: --mask FILE marks what may be trusted"
-            )
-        elif uncalibrated > _MUCH:
-            notes.append(
-                f"{100 * uncalibrated:.0f} % of the photo is left out, where the camera is not "
-                "calibrated: calibrate again with photos in which the target reaches the photo's "
-                "edges, or have it extrapolated by --fit whole"
-            )
-        if cut_off > _MUCH and not self.at_limit:
-            notes.append(
-                f"{100 * cut_off:.0f} % of the photo lies beyond the picture's edges: "
-                "--fit outer or --view equidistant shows more of it"
-            )
+        notes += _empty_parts(camera, view)
+        if not self.given_field:
+            notes += _lost_parts(camera, view, at_limit=self.at_limit)
         return notes
 
     def as_record(self) -> dict[str, Any]:
@@ -172,6 +138,48 @@ class ChosenView:
         if isinstance(first, CentralView):
             return {**record, "hfov_deg": first.hfov_deg, "vfov_deg": first.vfov_deg}
         return record
+
+
+def _empty_parts(camera: PointProjector, view: CentralView) -> list[str]:
+    """Say how much of the view's field the camera sees, where that is not all."""
+    seen_deg = seen_field_deg(camera, view)
+    ways = [*zip(seen_deg, (view.hfov_deg, view.vfov_deg), ("across", "down"), strict=True)]
+    if all(field - seen < _LEAST_UNSEEN_DEG for seen, field, _ in ways):
+        return []
+    words = [
+        f"all {field:.1f}° {way}"
+        if field - seen < _LEAST_UNSEEN_DEG
+        else f"{seen:.1f}° of {field:.1f}° {way}"
+        for seen, field, way in ways
+    ]
+    return [f"the camera sees {', '.join(words)}: the rest is empty"]
+
+
+def _lost_parts(camera: PointProjector, view: CentralView, *, at_limit: bool) -> list[str]:
+    """Say how much of the photo is not calibrated, and how much lies beyond the view's edges."""
+    whole = isinstance(camera, WholePhoto)
+    own = camera.camera if isinstance(camera, WholePhoto) else camera
+    if not isinstance(own, CubicCamera):
+        return []
+    notes = []
+    uncalibrated, cut_off = lost_shares(own, view)
+    if whole and uncalibrated:
+        notes.append(
+            f"{100 * uncalibrated:.0f} % of the photo is extrapolated, where the camera is "
+            "not calibrated: --mask FILE marks what may be trusted"
+        )
+    elif uncalibrated > _MUCH:
+        notes.append(
+            f"{100 * uncalibrated:.0f} % of the photo is left out, where the camera is not "
+            "calibrated: calibrate again with photos in which the target reaches the photo's "
+            "edges, or have it extrapolated by --fit whole"
+        )
+    if cut_off > _MUCH and not at_limit:
+        notes.append(
+            f"{100 * cut_off:.0f} % of the photo lies beyond the picture's edges: "
+            "--fit outer or --view equidistant shows more of it"
+        )
+    return notes
 
 
 def chosen_view(camera: Camera, wanted: View | ViewOptions | None) -> ChosenView:
@@ -186,34 +194,50 @@ def chosen_view(camera: Camera, wanted: View | ViewOptions | None) -> ChosenView
         return ChosenView(views={"": wanted}, camera=camera)
     options = wanted or ViewOptions()
     if options.kind == "cube":
-        side = max(1, round(2 * axis_focal(camera)))  # keeps the photo's scale on the axis
-        side = options.size[0] if options.size else side
-        faces = face_views(side, rotation_from_angles(*options.rotate_deg))
-        return ChosenView(views=faces, camera=camera)
+        return ChosenView(views=_cube_faces(camera, options), camera=camera)
     if options.fit == WHOLE:
-        if not isinstance(camera, CubicCamera):
-            raise UsageError("--fit whole is for photos of one camera: take --fit outer")
-        camera = WholePhoto(camera=camera)
+        camera = _shown_whole(camera)
     view, at_limit = _make_view(options, options.size or camera.image_size), False
+    if not options.gives_field:
+        view, at_limit = _choose_field(camera, view, options)
+    given_field = options.gives_field or any(options.rotate_deg)
+    return ChosenView(views={"": view}, camera=camera, at_limit=at_limit, given_field=given_field)
+
+
+def _cube_faces(camera: Camera, options: ViewOptions) -> Mapping[str, View]:
+    """Make the faces, by default as large as keeps the photo's scale on the axis."""
+    side = options.size[0] if options.size else max(1, round(2 * axis_focal(camera)))
+    return face_views(side, rotation_from_angles(*options.rotate_deg))
+
+
+def _shown_whole(camera: Camera) -> WholePhoto:
+    if not isinstance(camera, CubicCamera):
+        raise UsageError("--fit whole is for photos of one camera: take --fit outer")
+    return WholePhoto(camera=camera)
+
+
+def _choose_field(
+    camera: Camera, view: CentralView, options: ViewOptions
+) -> tuple[CentralView, bool]:
+    """Choose the field where only its fit is given, or nothing.
+
+    Returns:
+        The view with it, and whether the camera sees more than such a view can show.
+
+    """
     scale = view.size[0] / camera.image_size[0]
-    given_field = any(
-        one is not None for one in (options.hfov_deg, options.vfov_deg, options.focal)
-    )
-    if view.kind.endswith("equirectangular") and options.leaves_field_open:
-        view = cropped(camera, replace(view, focal=axis_focal(camera)))
-    elif view.kind == "perspective" and not given_field and options.fit is None:
+    if options.leaves_field_open and view.kind.endswith("equirectangular"):
+        return cropped(camera, replace(view, focal=axis_focal(camera))), False
+    if options.fit is None and view.kind == "perspective":
         widest = min(MAX_DEFAULT_FIELD_DEG, 2 * camera.max_angle_deg)
         least = max(camera.image_size) / 2 / math.tan(math.radians(widest) / 2)
-        view = replace(view, focal=max(axis_focal(camera), least) * scale)
-    elif not given_field:
-        share = 1.0 if options.fit in (None, WHOLE) else float(options.fit)
-        view, at_limit = fit_view(camera, view, share)
-        if options.fit is None and view.kind.endswith("cylindrical") and at_limit:
-            # Nobody wants a view all round only because the camera sees something nearly overhead.
-            focal = max(view.focal, axis_focal(camera) * scale)
-            view, at_limit = replace(view, focal=focal), False
-    given_field = given_field or any(options.rotate_deg)
-    return ChosenView(views={"": view}, camera=camera, at_limit=at_limit, given_field=given_field)
+        return replace(view, focal=max(axis_focal(camera), least) * scale), False
+    share = OUTER if options.fit in (None, WHOLE) else float(options.fit)
+    view, at_limit = fit_view(camera, view, share)
+    if options.fit is None and view.kind.endswith("cylindrical") and at_limit:
+        # Nobody wants a view all round only because the camera sees something nearly overhead.
+        return replace(view, focal=max(view.focal, axis_focal(camera) * scale)), False
+    return view, at_limit
 
 
 def _make_view(options: ViewOptions, size: tuple[int, int]) -> CentralView:

@@ -16,18 +16,20 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.errors import CubicfishError, OutputError, ViewError
-from cubicfish.files.whole_files import write_files
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.photos.photos import (
-    Picture,
-    jpeg_segments,
-    quiet_stderr,
-    refuse_no_picture,
-    shown,
+from cubicfish import (
+    CubicCamera,
+    CubicfishError,
+    OutputError,
+    UndistortMap,
+    View,
+    ViewError,
+    build_map,
 )
-from cubicfish.views.maps import OUTSIDE, UndistortMap, build_map, camera_for_photos
-from cubicfish.views.view import PointProjector, View
+from cubicfish.files import write_files
+from cubicfish.photos import Picture, shown
+from cubicfish.photos.photos import jpeg_segments, quiet_stderr, refuse_no_picture
+from cubicfish.views import PointProjector, camera_for_photos
+from cubicfish.views.maps import OUTSIDE
 from cubicfish.wording import did_you_mean, quoted
 from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.options import INTERPOLATIONS, Interpolation

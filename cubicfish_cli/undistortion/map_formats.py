@@ -19,13 +19,12 @@ from zipfile import ZipFile
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.errors import OutputError, UsageError, ViewError
-from cubicfish.files.whole_files import Content, whole_file
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.types import BoolArray
+from cubicfish import BoolArray, CubicCamera, OutputError, UndistortMap, UsageError, View, ViewError
+from cubicfish.files import Content, whole_file
+from cubicfish.views import CentralView
 from cubicfish.views.fields import in_picture
-from cubicfish.views.maps import OUTSIDE, UndistortMap
-from cubicfish.views.view import MAX_SIDE, CentralView, View
+from cubicfish.views.maps import OUTSIDE
+from cubicfish.views.view import MAX_SIDE
 from cubicfish_cli.undistortion.images import encode_picture, part_name
 
 Floats = npt.NDArray[np.float32]
@@ -307,9 +306,13 @@ def view_files(
         if mask is not None:
             files[part_name(mask, part)] = encode_picture(mask, np.uint8(255) * made.valid)
         if beside is not None:
-            path = part_name(beside, part).with_suffix(".view.yaml")
-            files[path] = view_text(made.view)
+            files[camera_path(beside, part)] = view_text(made.view)
     return files
+
+
+def camera_path(beside: Path, part: str = "") -> Path:
+    """Where the virtual camera of a part of a view goes, by what it goes beside."""
+    return part_name(beside, part).with_suffix(".view.yaml")
 
 
 def view_text(view: View) -> str:

@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from cubicfish.errors import UsageError
+from cubicfish import UsageError
 from cubicfish.wording import did_you_mean, either, quoted
 
 if TYPE_CHECKING:
-    from cubicfish.target.target import Target
+    from cubicfish import Target
     from cubicfish.views.fields import Fit
 
 Kind = Literal[
@@ -83,18 +83,12 @@ class ViewOptions:
         for name in _NUMBERS:
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, self._convert(name))
-        given = [name for name in _FIELD if getattr(self, name) is not None]
-        limits = [*dict.fromkeys(_NUMBERS[name][0] for name in given)]
+        limits = [*dict.fromkeys(_NUMBERS[name][0] for name in self._given)]
         if kind == "cube":
-            if limits:
-                raise UsageError(
-                    f"the faces of a cube have 90° each: leave out {limits[0]}, or choose --size"
-                )
-            if self.size and self.size[0] != self.size[1]:
-                raise UsageError("a cube's faces are square: give --size as NxN")
+            _refuse_for_cube(limits, self.size)
         if len(limits) > 1:
             raise UsageError(f"{' and '.join(limits)} say the same thing twice: leave one out")
-        if {"hfov_deg", "vfov_deg"} <= {*given} and self.size is not None:
+        if {"hfov_deg", "vfov_deg"} <= {*self._given} and self.size is not None:
             raise UsageError(
                 "--hfov 90x60 sets how high the picture is: leave out --size, or the second angle"
             )
@@ -120,9 +114,19 @@ class ViewOptions:
         return values if count > 1 else values[0]
 
     @property
+    def _given(self) -> list[str]:
+        """Names of what sets the field."""
+        return [name for name in _FIELD if getattr(self, name) is not None]
+
+    @property
+    def gives_field(self) -> bool:
+        """Whether the field was given itself, and not only how it fits."""
+        return any(name != "fit" for name in self._given)
+
+    @property
     def leaves_field_open(self) -> bool:
         """Whether neither size nor field was given."""
-        return all(getattr(self, name) is None for name in ("size", *_FIELD))
+        return self.size is None and not self._given
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -148,9 +152,19 @@ class PlaneOptions:
     pixels_per_unit: float | None = None
 
 
+def _refuse_for_cube(limits: Sequence[str], size: tuple[int, int] | None) -> None:
+    """Raise :class:`UsageError` where the faces of a cube cannot be as they are asked for."""
+    if limits:
+        raise UsageError(
+            f"the faces of a cube have 90° each: leave out {limits[0]}, or choose --size"
+        )
+    if size and size[0] != size[1]:
+        raise UsageError("a cube's faces are square: give --size as NxN")
+
+
 def _refuse_too_wide(kind: str, axis: int, angle_deg: float) -> None:
     """Raise :class:`UsageError` where a kind of view cannot show a field across or down."""
-    from cubicfish.views.view import PROJECTIONS  # it loads numpy, which help does without
+    from cubicfish.views import PROJECTIONS
 
     def shows(name: str) -> bool:
         limit, closed = PROJECTIONS[name].widest[axis]

@@ -19,13 +19,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.errors import CubicfishError, OutputError, PhotoError, ViewError
-from cubicfish.files.whole_files import whole_file
-from cubicfish.listener import Count, Event, Listener
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.photos.photos import shown
-from cubicfish.views.maps import OUTSIDE, UndistortMap
-from cubicfish.views.view import View
+from cubicfish import (
+    CubicCamera,
+    CubicfishError,
+    Event,
+    Listener,
+    OutputError,
+    PhotoError,
+    UndistortMap,
+    View,
+    ViewError,
+)
+from cubicfish.files import whole_file
+from cubicfish.listener import Count
+from cubicfish.photos import shown
+from cubicfish.views.maps import OUTSIDE
 from cubicfish_cli.films.source import (
     decode,
     frame_count,

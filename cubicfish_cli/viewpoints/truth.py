@@ -13,10 +13,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.errors import CorrespondenceError
-from cubicfish.files.tables import csv_text, read_table
-from cubicfish.target.target import Target
-from cubicfish.types import BoolArray, FloatArray, IntArray
+from cubicfish import BoolArray, CorrespondenceError, FloatArray, IntArray, Target
+from cubicfish.files import csv_text
+from cubicfish.files.tables import read_table
 from cubicfish_cli.render.board_faces import Face, board_face
 
 Pose = tuple[FloatArray, FloatArray]

@@ -14,12 +14,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.errors import TargetError
-from cubicfish.models.cubic import CubicCamera
+from cubicfish import BoolArray, CubicCamera, FloatArray, IntArray, Target, TargetError
 from cubicfish.models.pupil import pupil_profile
-from cubicfish.target.boards.board import Board
-from cubicfish.target.target import Target
-from cubicfish.types import BoolArray, FloatArray, IntArray
+from cubicfish.target import Board
 from cubicfish_cli.render.board_faces import marker_ink
 from cubicfish_cli.viewpoints.truth import (
     AnyLens,

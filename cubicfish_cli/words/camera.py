@@ -3,12 +3,13 @@
 import math
 from collections.abc import Mapping, Sequence
 
+from cubicfish import Finding, Verdict
+from cubicfish.judge import FitRecord
 from cubicfish.judge.camera_facts import CameraFacts, FieldSeen
-from cubicfish.judge.finding import Finding, Level
-from cubicfish.judge.fit_record import ErrorStatistics, FitRecord
+from cubicfish.judge.finding import Level
+from cubicfish.judge.fit_record import ErrorStatistics
 from cubicfish.judge.pupil import PupilEffect
 from cubicfish.judge.uncertainty import FieldUncertainty
-from cubicfish.judge.verdict import Verdict
 from cubicfish_cli.words.phrases import counted, length_words
 
 LEVELS: Mapping[Level, str] = {

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from synthetic import checkerboard
 
-from cubicfish.errors import DetectionError
+from cubicfish import DetectionError, Target, load_corners
 from cubicfish.find.identification.identified import Decided, remark_lines
-from cubicfish.io.corners_csv import load_corners
 from cubicfish.judge.codes import Code
 from cubicfish.observe import detection as passes
 from cubicfish.observe.detection import first_pass
-from cubicfish.photos.photos import find_photos
-from cubicfish.target.target import Target, load_target
-from cubicfish.workers.pool import Work
+from cubicfish.photos import find_photos
+from cubicfish.target.target import load_target
+from cubicfish.workers import Work
 
 SAMPLE = Path(__file__).parents[2] / "sample_data"
 

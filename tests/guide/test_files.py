@@ -12,7 +12,7 @@ from equality import same_records
 from listening import Heard
 from running import SAMPLE, run_cli
 
-from cubicfish.errors import OutputError, UsageError
+from cubicfish import OutputError, UsageError
 from cubicfish.target.target import target_text
 from cubicfish_cli import (
     CalibrateOptions,

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from symmetric_board import drawn, misnamed, photos
 
-from cubicfish.fit.calibration import Calibration
+from cubicfish import Calibration
 from cubicfish.target.target import target_text
 from cubicfish_cli import (
     CalibrateOptions,

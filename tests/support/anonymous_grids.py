@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from cubicfish import Observations, Target
 from cubicfish.find.detection.grids import Grid
 from cubicfish.find.identification.identified import Place
-from cubicfish.target.observations import Observations
 from cubicfish.target.placement import TURNS
-from cubicfish.target.target import Target
 
 
 def anonymous(

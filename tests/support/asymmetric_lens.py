@@ -14,6 +14,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish import FloatArray
 from cubicfish.angles import angle_from_axis, columns
 from cubicfish.geometry import (
     decentring,
@@ -22,9 +23,8 @@ from cubicfish.geometry import (
     kannala_brandt,
     kannala_brandt_slope,
 )
-from cubicfish.models.radial import RadialCamera
-from cubicfish.types import FloatArray
-from cubicfish_cli.foreign.foreign_lens import FIXED, FocalLens
+from cubicfish.models import RadialCamera
+from cubicfish.models.formula_lens import FIXED, FocalLens
 
 _CHECKED_ANGLES = 4096
 _DECENTRING_ROUNDS = 8

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish.types import FloatArray
+from cubicfish import FloatArray
 from cubicfish_cli.viewpoints.truth import rotation_matrix
 
 _ROUNDS = 12

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from synthetic import lens_of_size
 
+from cubicfish import build_map
 from cubicfish.files import whole_files as files
-from cubicfish.views.maps import build_map
-from cubicfish.views.view import CentralView
+from cubicfish.views import CentralView
 from cubicfish_cli.undistortion.images import remap_picture
 
 LENS = lens_of_size(0.125)

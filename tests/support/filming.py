@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from synthetic import checkerboard, lens_of_size
 
+from cubicfish import Target
 from cubicfish.find.detection.finder import find_grids
-from cubicfish.target.target import Target
 from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses, simulated_photos
 

@@ -13,8 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target
+from cubicfish import Observations, Target
 from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 
 FloatArray = npt.NDArray[np.float64]

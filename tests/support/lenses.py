@@ -7,10 +7,10 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish import CubicCamera
 from cubicfish.fit.nearest_cubic import linear_ratios
-from cubicfish.models.cubic import CubicCamera
+from cubicfish.models import RadialCamera
 from cubicfish.models.lift import lift, sphere_basis
-from cubicfish.models.radial import RadialCamera
 from cubicfish.models.sphere import cone_rays
 
 

@@ -6,10 +6,8 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from cubicfish.target.boards.board import Board
-from cubicfish.target.boards.types import Checkerboard
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target
+from cubicfish import Observations, Target
+from cubicfish.target import Board, Checkerboard
 
 SIZE = (1280, 800)
 

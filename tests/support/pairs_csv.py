@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cubicfish.target.observations import Observations
+from cubicfish import Observations
 
 
 def write_pairs(path: Path, pairs: Observations) -> None:

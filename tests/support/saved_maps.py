@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish.views.view import CentralView, View
+from cubicfish import View
+from cubicfish.views import CentralView
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

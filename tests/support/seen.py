@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 import pytest
 
+from cubicfish import Finding, Target
 from cubicfish.diagnosis.corner_count import Count
 from cubicfish.diagnosis.evidence import GridEvidence
 from cubicfish.find.identification.identified import Identified
-from cubicfish.judge.finding import Finding
-from cubicfish.target.target import Target
 
 
 def no_photo(_: int) -> None:

@@ -24,8 +24,7 @@ import numpy as np
 import numpy.typing as npt
 from synthetic_lenses import SyntheticLens
 
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target
+from cubicfish import Observations, Target
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses
 from cubicfish_cli.viewpoints.truth import AnyLens, Pose, project_corners
 from cubicfish_cli.viewpoints.views import WholeLens

@@ -10,9 +10,7 @@ import numpy.typing as npt
 from simulated import CornerErrors, Truth, simulated_corners
 from synthetic_lenses import SyntheticLens
 
-from cubicfish.errors import TargetError
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target
+from cubicfish import Observations, Target, TargetError
 from cubicfish_cli.viewpoints.truth import (
     Pose,
     pose_of_matrix,

@@ -7,10 +7,9 @@ import numpy as np
 from simulated import CornerErrors, simulated_corners
 from synthetic_lenses import synthetic_lens
 
+from cubicfish import Observations, Target
 from cubicfish.target.boards.shape import BoardShape
-from cubicfish.target.observations import Observations
 from cubicfish.target.placement import renamed, symmetries
-from cubicfish.target.target import Target
 
 LENS = synthetic_lens("equisolid", (800, 600))
 # Their corners are off together, as those of one photo are.

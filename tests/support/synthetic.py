@@ -10,10 +10,8 @@ import numpy.typing as npt
 from asymmetric_lens import AsymmetricLens
 from looking import look_at
 
-from cubicfish.target.boards.board import Board
-from cubicfish.target.boards.types import BOARD_TYPES, Checkerboard
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target
+from cubicfish import Observations, Target
+from cubicfish.target import BOARD_TYPES, Board, Checkerboard
 from cubicfish_cli.viewpoints.truth import (
     AnyLens,
     Pose,

@@ -23,10 +23,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish import BoolArray, FloatArray, IntArray, Target
 from cubicfish.angles import angle_from_axis
-from cubicfish.target.boards.board import Board
-from cubicfish.target.target import Target
-from cubicfish.types import BoolArray, FloatArray, IntArray
+from cubicfish.target import Board
 from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.extensions.simulation.simulate import (
     AMBIENT,

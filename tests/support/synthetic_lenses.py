@@ -25,8 +25,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish import BoolArray, FloatArray
 from cubicfish.angles import angle_from_axis, columns
-from cubicfish.types import BoolArray, FloatArray
 from cubicfish.units import MILLIMETRES
 from cubicfish_cli.viewpoints.truth import rotation_matrix
 

@@ -15,10 +15,9 @@ import numpy.typing as npt
 import synthetic
 from asymmetric_lens import AsymmetricLens
 
-from cubicfish.io.corners_csv import save_corners
+from cubicfish import Observations, Target, save_corners
 from cubicfish.target.boards.shape import BoardShape
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target, target_text
+from cubicfish.target.target import target_text
 from cubicfish_cli.viewpoints.truth import Pose
 
 FloatArray = npt.NDArray[np.float64]

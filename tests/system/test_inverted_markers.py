@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 import yaml
 
-from cubicfish.errors import DetectionError
+from cubicfish import DetectionError, Target
 from cubicfish.find.detection.finder import find_grids
 from cubicfish.find.detection.grids import negative_grids, negative_photo
 from cubicfish.observe.detection import first_pass
-from cubicfish.photos.photos import find_photos
-from cubicfish.target.target import Target, target_text
-from cubicfish.workers.pool import Work
+from cubicfish.photos import find_photos
+from cubicfish.target.target import target_text
+from cubicfish.workers import Work
 from cubicfish_cli.render.board_faces import board_face
 from tests.cubicfish.find.detection.test_markers import errors, find, mixed_photo, photo_of, wall
 

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
+from cubicfish import Target, TargetError
 from cubicfish.diagnosis.object_faults import find_wrong_layout
-from cubicfish.errors import TargetError
 from cubicfish.find.detection.finder import find_grids
 from cubicfish.find.detection.grids import grid_in_mirror
 from cubicfish.find.detection.markers import find_marked_corners
@@ -21,11 +21,11 @@ from cubicfish.find.identification.identified import Decided
 from cubicfish.find.identification.name_grids import name_grids
 from cubicfish.fit.radial_reference import fit_radial
 from cubicfish.observe.detection import first_pass
-from cubicfish.photos.photos import find_photos
+from cubicfish.photos import find_photos
 from cubicfish.solve.statistics import rms_px
 from cubicfish.target.boards.shape import BoardShape
-from cubicfish.target.target import Target, target_text
-from cubicfish.workers.pool import Work
+from cubicfish.target.target import target_text
+from cubicfish.workers import Work
 from cubicfish_cli.render.board_faces import board_face
 from tests.cubicfish.find.detection.test_markers import MIXED, POSE, errors, mixed_photo, photo_of
 from tests.cubicfish.find.identification.test_name_grids import names, seen

@@ -15,13 +15,12 @@ from asymmetric_lens import AsymmetricLens
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from cubicfish import Calibration, Target, load_camera
 from cubicfish.comparison import aligned_difference
 from cubicfish.fit.calibrate import calibrate
-from cubicfish.fit.calibration import Calibration
 from cubicfish.fit.evaluate import evaluate
-from cubicfish.io.camera_yaml import camera_text, load_camera
+from cubicfish.io.camera_yaml import camera_text
 from cubicfish.models.sphere import cone_rays
-from cubicfish.target.target import Target
 
 EXAMPLES = int(os.environ.get("CUBICFISH_TEST_EXAMPLES", "5"))
 NOISE = 0.1

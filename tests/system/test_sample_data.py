@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from synthetic import corner_of_three
 
+from cubicfish import load_camera, load_corners
 from cubicfish.angles import angle_from_axis
-from cubicfish.io.camera_yaml import load_camera
-from cubicfish.io.corners_csv import load_corners
 from cubicfish.models.sphere import cone_rays
 from cubicfish.target.target import load_target
 

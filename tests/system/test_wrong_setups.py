@@ -14,7 +14,7 @@ import pytest
 import wrong_setups as wrong
 from running import SAMPLE, Run
 
-from cubicfish.io.camera_yaml import load_camera
+from cubicfish import load_camera
 
 pytestmark = pytest.mark.slow
 

@@ -105,48 +105,47 @@ def explain_no_grids(image: npt.NDArray[np.generic], found: FoundGrids) -> Findi
     height, width = image.shape
     if min(height, width) < SMALLEST_SIDE:
         return Finding(code=Code.PHOTO_TOO_SMALL, figures={"width": width, "height": height})
-    zoom = 1
-    while height * width > MOST_PIXELS * zoom * zoom:
-        zoom *= 2
+    zoom = _find_zoom(image, MOST_PIXELS)
     small = np.asarray(reduced(image, zoom))
-    full = float(np.iinfo(small.dtype).max) if np.issubdtype(small.dtype, np.integer) else None
     sample = small[:: max(1, height // 500), :: max(1, width // 500)]
     low, high = np.percentile(sample, [1, 99])
-    if full is not None and high < _DARK * full:
+    # Floats have no largest: nothing in them is too dark, too bright or burnt.
+    full = np.iinfo(small.dtype).max if np.issubdtype(small.dtype, np.integer) else np.nan
+    if high < _DARK * full:
         return Finding(code=Code.TOO_DARK)
-    too_bright = full is not None and low > _BRIGHT * full
+    too_bright = low > _BRIGHT * full
     if high <= low and not too_bright:
         return Finding(code=Code.NO_PATTERN)
-    dots = count_dots(build_pyramid(reduced(image, _find_coarse_zoom(image))))
+    dots = count_dots(build_pyramid(reduced(image, _find_zoom(image, _COARSE_PIXELS))))
     pyramid = build_pyramid(small)
-    faint = (high - low) * pyramid.gain < _FLAT * pyramid.noise
-    if faint and not too_bright and not dots and _is_noise(pyramid):
+    if not too_bright and not dots and _is_noise(pyramid, high - low):
         return Finding(code=Code.LOW_CONTRAST)
-    if full is not None and _are_dark_squares_apart(small >= _BRIGHT * full):
+    if _are_dark_squares_apart(small >= _BRIGHT * full):
         return Finding(code=Code.TOO_BRIGHT, case="burnt")
     if dots:
         return Finding(code=Code.DOTS, figures={"dots": dots})
     seen = _look_at_scales(image, zoom)
-    if seen is not None and seen.side_px < _SMALLEST_SQUARE * zoom:
-        figures = {**seen.figures, "least_px": _SMALLEST_SQUARE * zoom}
-        return Finding(code=Code.SQUARES_TOO_SMALL, figures=figures)
+    least_px = _SMALLEST_SQUARE * zoom
+    if seen is not None and seen.side_px < least_px:
+        return Finding(code=Code.SQUARES_TOO_SMALL, figures={**seen.figures, "least_px": least_px})
     if too_bright:
         return Finding(code=Code.TOO_BRIGHT)
-    blurred = _is_nothing_sharp(pyramid) or (seen is not None and _is_blurred(image, seen, zoom))
+    blurred = _is_nothing_sharp(pyramid) or _is_blurred(image, seen, zoom)
+    return _explain_sharpness(seen, blurred=blurred, crossings=len(found.refused))
+
+
+def _explain_sharpness(seen: _Squares | None, *, blurred: bool, crossings: int) -> Finding:
+    """What is wrong with a photo that is light enough, whose squares are large enough, if any."""
+    code = Code.BLURRED if blurred else Code.NO_CHECKERBOARD
     if seen is not None and seen.is_likely_a_board:
-        code = Code.BLURRED if blurred else Code.NO_CHECKERBOARD
         return Finding(code=code, case="grid", figures=seen.figures)
-    if blurred:
-        return Finding(code=Code.BLURRED)
-    if len(found.refused) == 0:
-        return Finding(code=Code.NO_CORNER)
-    return Finding(code=Code.NO_CHECKERBOARD)
+    return Finding(code=code if blurred or crossings else Code.NO_CORNER)
 
 
-def _find_coarse_zoom(image: npt.NDArray[np.generic]) -> int:
-    """How many times smaller a photo shows a board that fills a part of it with least work."""
+def _find_zoom(image: npt.NDArray[np.generic], most: int) -> int:
+    """How many times smaller, by halves, a photo has no more than so many pixels."""
     zoom = 1
-    while image.size > _COARSE_PIXELS * zoom * zoom:
+    while image.size > most * zoom * zoom:
         zoom *= 2
     return zoom
 
@@ -157,7 +156,7 @@ def _look_at_scales(image: npt.NDArray[np.generic], finest: int) -> _Squares | N
     Coarse scales come first: where squares are large enough there, a finer one shows no more. Fewer
     squares than are surely a grid's count where they are smallest, at the finest scale.
     """
-    best, at = None, 4 * max(finest, _find_coarse_zoom(image))
+    best, at = None, 4 * max(finest, _find_zoom(image, _COARSE_PIXELS))
     while at > finest and (best is None or best.side_px < _LARGE_PX * at):
         at //= 2
         if min(image.shape) < SMALLEST_SIDE * at:
@@ -199,8 +198,13 @@ def _find_squares(pyramid: Pyramid, zoom: int) -> list[_Squares]:
     return found
 
 
-def _is_noise(pyramid: Pyramid) -> bool:
-    """Tell whether what the noise was estimated from fades at half the size, unlike texture."""
+def _is_noise(pyramid: Pyramid, contrast: float) -> bool:
+    """Tell whether a photo's contrast, in its own grey levels, is hardly more than its noise.
+
+    What noise is estimated from fades at half the size, unlike texture.
+    """
+    if contrast * pyramid.gain >= _FLAT * pyramid.noise:
+        return False
     return len(pyramid.levels) > 1 and estimate_noise(pyramid.levels[1]) < 0.5 * pyramid.noise
 
 
@@ -216,8 +220,10 @@ def _is_nothing_sharp(pyramid: Pyramid) -> bool:
     return bool((smallest > _SLOPE_GROWTH * small)[edges].any())
 
 
-def _is_blurred(image: npt.NDArray[np.generic], seen: _Squares, finest: int) -> bool:
-    """Tell whether squares are blurred, and not made up of what is sharp at a finer scale."""
+def _is_blurred(image: npt.NDArray[np.generic], seen: _Squares | None, finest: int) -> bool:
+    """Tell whether there are squares, blurred and not made up of what is sharp at a finer scale."""
+    if seen is None:
+        return False
     if seen.zoom == finest:
         return seen.blur_px > USUAL_BLUR * seen.side_px
     (left, top), (right, bottom) = np.maximum([seen.low, seen.high], 0).astype(int)

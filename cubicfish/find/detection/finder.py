@@ -101,14 +101,7 @@ def _search_scales(
     ladder: Ladder, sizes: Sequence[tuple[int, int]]
 ) -> tuple[list[_Found], FloatArray]:
     """Grids, each at the coarsest scale that shows it, and candidates (N, 2) of none, pixels."""
-    zoom: float = ladder.coarsest
-    result = search(ladder.at(zoom))
-    if not result.grids and ladder.is_possible(2 * zoom):
-        coarser = search(ladder.at(2 * zoom))
-        # Chance had a try for each crossing that the finer scale shows.
-        kept = [one for one in coarser.grids if _is_beyond_chance(one, 2.0, result)]
-        if kept:
-            zoom, result = 2 * zoom, replace(coarser, grids=kept)
+    zoom, result = _search_coarse(ladder)
     found = [_Found(seen=seen, zoom=zoom) for seen in result.grids]
     refused = enlarged(result.refused.pixel, zoom)
     boxes = _choose_boxes(ladder, [result], zoom, found)
@@ -127,6 +120,18 @@ def _search_scales(
             found += _find_new(found, [_Found(seen=seen, zoom=finer) for seen in likely])
         boxes = _choose_boxes(ladder, results, finer, found)
     return found, refused
+
+
+def _search_coarse(ladder: Ladder) -> tuple[float, SearchResult]:
+    """What the photo shows at its coarsest zoom, or at twice that where only this shows grids."""
+    zoom: float = ladder.coarsest
+    result = search(ladder.at(zoom))
+    if result.grids or not ladder.is_possible(2 * zoom):
+        return zoom, result
+    coarser = search(ladder.at(2 * zoom))
+    # Chance had a try for each crossing that the finer scale shows.
+    kept = [one for one in coarser.grids if _is_beyond_chance(one, 2.0, result)]
+    return (2 * zoom, replace(coarser, grids=kept)) if kept else (zoom, result)
 
 
 def _search_box(ladder: Ladder, box: Box, zoom: float) -> SearchResult:

@@ -3,6 +3,7 @@
 Markers that come later are taken into what is known, so that no board is grown twice.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,7 @@ from cubicfish.find.detection.markers_pieces import (
     take_in,
 )
 from cubicfish.find.detection.markers_read import all_read, group_agreeing, read_together
+from cubicfish.types import IntArray
 
 # So many markers, at least two side by side, are no misreadings even where others refute them.
 _NO_ACCIDENT = 3
@@ -57,46 +59,65 @@ def name_corners(
 
     What is known ``before`` of other boards than those to be looked at ``again`` stays.
     """
-    boards = sight.target.boards
     done = [] if before is None else [p for p in before.pieces if p.board not in (again or ())]
-    for kept_piece in done:
-        note_grids(kept_piece, grids.grids)
-    settled = {kept_piece.board for kept_piece in done}
-    markers = all_read(sight, grids, alone)
+    for piece in done:
+        note_grids(piece, grids.grids)
     free = _make_tree(grids)
-    pieces: list[Piece] = []
-    refuted = np.zeros(len(boards), np.intp)
-    for index in np.unique(markers.board).tolist():
-        if index in settled:
-            continue
-        own = markers.of(index)
-        label = group_agreeing(own, boards[index])
-        for place in np.unique(label):
-            piece = piece_of(sight, index, own, label == place, grids.grids, free)
-            if piece is None:
-                continue
-            if agrees(sight, piece):
-                pieces.append(piece)
-            elif piece.markers > 1:
-                refuted[index] += piece.markers
-    pieces.sort(key=lambda piece: -piece.markers)
+    settled = {piece.board for piece in done}
+    pieces, refuted = _place_pieces(sight, all_read(sight, grids, alone), grids, free, settled)
     kept, contradictory = merge_pieces([*done, *pieces])
-    named = {number for piece in kept for number in piece.grids}
     out = contradictory | set(np.flatnonzero(refuted).tolist())
-    for number in sorted(set(range(len(grids.grids))) - named):
-        one = read_together(sight, grids.grids[number])
-        if one is None or one.board in out:
-            continue
-        lattice = BoardLattice(board=boards[one.board])
-        lattice.put(one.cells, grids.grids[number].pixel)
-        verify(sight.pyramid, lattice)
-        piece = Piece(board=one.board, lattice=lattice, markers=one.markers, grids={number})
+    for piece in _name_other_grids(sight, kept, grids, out):
         extend(sight.pyramid, piece, grids.grids, free)
         merged, against = merge_pieces([*kept, piece])
         kept = kept if against else merged
     refuted[[piece.board for piece in kept]] = 0
     contradictory |= set(np.nonzero(refuted >= _NO_ACCIDENT)[0].tolist())
     return Named(pieces=kept, contradictory=contradictory)
+
+
+def _place_pieces(
+    sight: Sight, markers: SeenMarkers, grids: FoundGrids, free: cKDTree, settled: set[int]
+) -> tuple[list[Piece], IntArray]:
+    """Pieces of boards that are not settled, those of most markers first; what refutes each board.
+
+    That is how many markers (B,) put it where others are read.
+    """
+    pieces: list[Piece] = []
+    refuted = np.zeros(len(sight.target.boards), np.intp)
+    for index in sorted(set(markers.board.tolist()) - settled):
+        own = markers.of(index)
+        label = group_agreeing(own, sight.target.boards[index])
+        placed = (
+            piece_of(sight, index, own, label == place, grids.grids, free)
+            for place in np.unique(label)
+        )
+        for piece in placed:
+            if piece is None:
+                continue
+            if agrees(sight, piece):
+                pieces.append(piece)
+            elif piece.markers > 1:
+                refuted[index] += piece.markers
+    return sorted(pieces, key=lambda piece: -piece.markers), refuted
+
+
+def _name_other_grids(
+    sight: Sight, kept: Sequence[Piece], grids: FoundGrids, out: set[int]
+) -> Iterator[Piece]:
+    """Yield grids that no piece has, as pieces of boards that are not left out.
+
+    Their markers are read together, through all of their squares.
+    """
+    named = {number for piece in kept for number in piece.grids}
+    for number, grid in enumerate(grids.grids):
+        one = None if number in named else read_together(sight, grid)
+        if one is None or one.board in out:
+            continue
+        lattice = BoardLattice(board=sight.target.boards[one.board])
+        lattice.put(one.cells, grid.pixel)
+        verify(sight.pyramid, lattice)
+        yield Piece(board=one.board, lattice=lattice, markers=one.markers, grids={number})
 
 
 def with_more_markers(

@@ -104,11 +104,31 @@ def search(pyramid: Pyramid, known: Sequence[Lattice] = ()) -> SearchResult:
         cells = lattice.cells()
         taken = _find_taken(corners.pixel, lattice.at(cells), lattice.fit(cells).side)
         corners = corners.select(~taken)
-    grid = np.full(len(corners.pixel), -1)  # which each corner is part of
+    patches = find_patches(pyramid, corners)
+    found, grid, failures = _grow_patches(pyramid, corners, patches)
+    unexplained = [
+        corners.pixel[patch.corner]
+        for patch in patches
+        if len(patch.corner) >= _SQUARE and (grid[patch.corner] < 0).all()
+    ]
+    loose = corners.select(grid < 0)
+    kept = [k for k, one in enumerate(found) if is_beyond_chance_among(one.lattice, loose)]
+    return SearchResult(
+        grids=[found[k] for k in kept],
+        refused=corners.select(~np.isin(grid, kept)),
+        pieces=unexplained[:_MOST_FAILURES],
+        grown=len(found) + failures,
+    )
+
+
+def _grow_patches(
+    pyramid: Pyramid, corners: XCorners, patches: Sequence[Patch]
+) -> tuple[list[Seen], IntArray, int]:
+    """Grids, which of them each corner (N,) is part of or -1, and how many patches became none."""
+    grid = np.full(len(corners.pixel), -1)
     candidates = cKDTree(corners.pixel)
     found: list[Seen] = []
     failures = 0
-    patches = find_patches(pyramid, corners)
     sure = sum(len(patch.corner) >= SURE_CORNERS for patch in patches)
     for group in (patches[:sure], patches[sure:]):
         # Where large pieces became grids the small ones need no look.
@@ -126,19 +146,7 @@ def search(pyramid: Pyramid, known: Sequence[Lattice] = ()) -> SearchResult:
             grid[taken & (grid < 0)] = len(found)
             candidates = cKDTree(corners.pixel[grid < 0])
             found.append(seen)
-    unexplained = [
-        corners.pixel[patch.corner]
-        for patch in patches
-        if len(patch.corner) >= _SQUARE and (grid[patch.corner] < 0).all()
-    ]
-    loose = corners.select(grid < 0)
-    kept = [k for k, one in enumerate(found) if is_beyond_chance_among(one.lattice, loose)]
-    return SearchResult(
-        grids=[found[k] for k in kept],
-        refused=corners.select(~np.isin(grid, kept)),
-        pieces=unexplained[:_MOST_FAILURES],
-        grown=len(found) + failures,
-    )
+    return found, grid, failures
 
 
 def is_beyond_chance_among(lattice: Lattice, crossings: XCorners, zoom: float = 1.0) -> bool:

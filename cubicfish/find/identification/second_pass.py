@@ -16,7 +16,7 @@ from cubicfish.find.detection.grids import Rows, round_pixels
 from cubicfish.find.detection.nearby import nearest
 from cubicfish.find.detection.pyramid import Pyramid, build_pyramid
 from cubicfish.find.detection.refine import refine_corners
-from cubicfish.find.identification.identified import Detection, PhotoReport
+from cubicfish.find.identification.identified import Detection
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.calibration import Calibration
 from cubicfish.fit.rough_fit import RoughFit, fit_roughly
@@ -279,18 +279,9 @@ def with_added(detection: Detection, found: Sequence[Observations]) -> Detection
         detection,
         corners=joint,
         photos=tuple(
-            _add_counts(report, joint, added.get(report.name, 0)) for report in detection.photos
+            report.with_corners(joint, joint.images.index(report.name), added[report.name])
+            if added.get(report.name)
+            else report
+            for report in detection.photos
         ),
-    )
-
-
-def _add_counts(report: PhotoReport, corners: Observations, added: int) -> PhotoReport:
-    if not added:
-        return report
-    own = corners.image == corners.images.index(report.name)
-    return replace(
-        report,
-        added=added,
-        corners=report.corners + added,
-        boards=tuple(corners.boards[board] for board in np.unique(corners.board[own])),
     )

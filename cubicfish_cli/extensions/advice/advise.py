@@ -5,40 +5,28 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish import CubicCamera, Finding, Observations, Target
+from cubicfish.io.camera_yaml import Calibrated
 from cubicfish.judge.codes import Code
-from cubicfish.judge.finding import Finding
-from cubicfish.judge.fit_record import FitRecord
 from cubicfish.judge.uncertainty import FieldUncertainty
-from cubicfish.judge.verdict import FEW_OF_A_PLANE, FEW_PHOTOS, verdict
-from cubicfish.models.cubic import CubicCamera
 from cubicfish.solve.poses import Poses
+from cubicfish.sufficiency.knowledge import Knowledge
 from cubicfish.sufficiency.sufficiency import (
     CoverageGaps,
-    default_goal,
+    Goal,
     explain_insufficiency,
-    find_coverage_gaps,
 )
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target
 from cubicfish.threads import one_blas_thread
-from cubicfish.types import FloatArray
-from cubicfish_cli.extensions.advice.knowledge import (
-    Knowledge,
-    field_rays,
-    know,
-    limited_lens,
-    recorded_poses,
-)
+from cubicfish_cli.extensions.advice.limited_lens import limited_lens
 from cubicfish_cli.extensions.advice.proposals import Proposal, proposed
 from cubicfish_cli.viewpoints.views import Distances, Viewpoint, WholeLens, sample_views
+from cubicfish_cli.words.sufficiency import part_words
 
 PROPOSALS = 3
 # Photos so far show where this camera is in focus and the target is in view: proposals lie between
 # half their nearest distance and twice their farthest.
 _NEARER, _FARTHER = 0.5, 2.0
 _VIEWS = 90
-# If the uncertainty of the repeated fit differs by more than this factor, it is another fit.
-_SAME = 30.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,7 +78,7 @@ class Advice:
             "noise_px": self.noise_px,
             "now": self.now.as_record() if self.now else None,
             "coverage": self.gaps.cells.coverage,
-            "empty": [part.as_record() for part in self.gaps.parts],
+            "empty": [{**part.as_record(), "words": part_words(part)} for part in self.gaps.parts],
             "proposals": [proposal.as_record() for proposal in self.proposals],
             "notes": [note.line for note in self.notes],
             "remarks": [note.as_record() for note in self.notes],
@@ -99,8 +87,7 @@ class Advice:
 
 @one_blas_thread()
 def advise(
-    camera: CubicCamera,
-    fit: FitRecord,
+    known: Calibrated,
     pairs: Observations,
     target: Target | None,
     *,
@@ -110,34 +97,32 @@ def advise(
     """Say what photos so far leave open and what to photograph next.
 
     Args:
-        camera: a calibrated camera.
-        fit: its record.
+        known: a calibrated camera, and the record of its fit.
         pairs: the pairs that it was fitted to, world points those of the target as fitted.
         target: the calibration target as fitted; None for pairs that came without one.
         goal_px: uncertainty wanted over 95 % of the field: more than that is not enough, whatever
             the verdict. By default photos are enough where the verdict asks for none, and
-            proposals aim at :func:`default_goal`.
+            proposals aim at :class:`Goal`.
         proposals: how many photos to propose.
 
     Raises:
         FitError: pairs and camera do not belong together.
 
     """
-    goal = goal_px or default_goal(camera.image_size)
-    poses = recorded_poses(fit, pairs.images)
-    gaps = find_coverage_gaps(camera, pairs)
+    camera, fit = known.camera, known.fit
+    goal = Goal.of(fit, camera.image_size)
+    goal = goal if goal_px is None else replace(goal, p95_px=goal_px)
+    poses, gaps = Poses.of_photos(fit.poses, pairs.images), CoverageGaps.of(camera, pairs)
     notes: list[Finding] = []
     if poses is None:
         notes.append(Finding(code=Code.NO_POSES))
-    knowledge = None if poses is None else know(camera, fit, pairs, poses, target)
-    own = camera if knowledge is None else knowledge.camera
-    blind, now = gaps.cells.blind, None
-    rays = field_rays(own, blind)
-    noise = knowledge.information.noise_px if knowledge else None
+    knowledge = None if poses is None else Knowledge.of(camera, fit, pairs, poses, target)
+    noise = None if knowledge is None else knowledge.noise_px
+    own, blind, now = camera, gaps.cells.blind, None
     if knowledge is not None:
-        knowledge, now = _match_record(knowledge, fit, rays)
-    judged = verdict(fit, camera.image_size, camera.outline())
-    reasons = explain_insufficiency(judged, now, goal_px)
+        own, rays = knowledge.camera, knowledge.field_rays(blind)
+        knowledge, now = knowledge.as_recorded(fit, rays)
+    reasons = explain_insufficiency(known.verdict, now, goal_px)
     if blind:
         figures = {"blind_deg": float(np.degrees(blind))}
         notes.append(Finding(code=Code.MIDDLE_UNSEEN, figures=figures))
@@ -148,15 +133,15 @@ def advise(
         needed = None
         views = _sample_views(knowledge, target, within, notes, limited_lens(own, blind=blind))
         if knowledge is not None and views:
-            found, needed = proposed(knowledge, views, gaps.cells, rays, goal, proposals)
-        short = (FEW_OF_A_PLANE[0] if fit.flat else FEW_PHOTOS) - len(pairs.images)
+            found, needed = proposed(knowledge, views, gaps, rays, goal, proposals)
+        short = goal.photos - len(pairs.images)
         needed = None if needed is None else max(needed, short, 1)
     return Advice(
         camera=camera,
         target=target,
         pairs=pairs,
         noise_px=noise,
-        goal_px=goal,
+        goal_px=goal.p95_px,
         now=now,
         gaps=gaps,
         reasons=tuple(reasons),
@@ -176,21 +161,6 @@ def distances_within(pairs: Observations, poses: Poses) -> Distances:
         far=_FARTHER * max(typical),
         nearest=_NEARER * float(away.min()),
     )
-
-
-def _match_record(
-    knowledge: Knowledge, fit: FitRecord, rays: FloatArray
-) -> tuple[Knowledge, FieldUncertainty]:
-    """Return the knowledge, scaled to the uncertainty on record, and that uncertainty.
-
-    If the target was fitted too, a fit that begins at its end differs by a few percent.
-    """
-    own, known = knowledge.information.summed(rays), fit.uncertainty.field
-    if known is None or not 1 / _SAME < known.median_px / own.median_px < _SAME:
-        return knowledge, own
-    noise_px = knowledge.information.noise_px * known.median_px / own.median_px
-    scaled = replace(knowledge.information, noise_px=noise_px)
-    return replace(knowledge, information=scaled), known
 
 
 def _sample_views(

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import CubicfishError, OutputError, UsageError
-from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN, Run
+from cubicfish import CubicfishError, OutputError, Run, UsageError
+from cubicfish.files import StrPath, write_files
+from cubicfish.run import RUN
 from cubicfish.wording import plural
-from cubicfish_cli.inputs.paths import in_folder, path_or_none
+from cubicfish_cli.inputs.paths import calibration_files, in_folder, path_or_none
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
@@ -86,23 +87,25 @@ def advise_files(options: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish.models.cubic import CubicCamera
+    from cubicfish.io.camera_yaml import Calibrated
     from cubicfish_cli.extensions.advice.advise import advise
     from cubicfish_cli.inputs.calibration_facts import facts_of_files
 
     drawing, given, drawn = map(path_or_none, (options.picture, options.corners, options.target))
+    path = in_folder(Path(options.camera))
+    plan = Plan(run).reads(calibration_files(path), drawn, given)
     if drawing is not None and drawing.suffix.lower() not in _PICTURES:
         raise OutputError(f"{drawing}: end the name in {', '.join(_PICTURES)}")
     if run.overwrite and drawing is None:
         raise UsageError("--overwrite goes with -o, which writes a file: leave it out")
     if drawing is not None:
         extra.require(extra.PRINTING, "a picture")
-        refuse_existing(drawing, overwrite=run.overwrite)
-    path = in_folder(Path(options.camera))
+        plan.writes(drawing)
     facts = facts_of_files(path, target=drawn, photos=(), corners=given)
+    plan.reads(facts.sources)
     if given is not None and facts.target is None:
         raise UsageError("name the target of these corners with --target target.yaml")
-    if not isinstance(facts.camera, CubicCamera):
+    if not isinstance(facts.known, Calibrated):
         raise CubicfishError(
             f"{path} is of lift 'point', which has no rays: its uncertainty over the field, "
             "and what would lower it, cannot be worked out; calibrate with --lift ray for this"
@@ -112,9 +115,7 @@ def advise_files(options: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
         do = "name the target with --target" if beside else "name the corners with --corners"
         raise CubicfishError(f"{path}: {facts.lack}: {do}")
     run.listener.progress("Looking for photos that would help")
-    advice = advise(
-        facts.camera, facts.fit, facts.errors.pairs, facts.target, goal_px=options.goal_px
-    )
+    advice = advise(facts.known, facts.errors.pairs, facts.target, goal_px=options.goal_px)
     if drawing is not None:
         with extra.quiet():
             from cubicfish_cli.extensions.advice.picture import advice_picture
@@ -195,11 +196,13 @@ def _describe_how_many(advice: Advice) -> str:
 
 
 def _print_gaps(advice: Advice) -> None:
+    from cubicfish_cli.words.sufficiency import part_words
+
     parts = advice.gaps.parts
     if parts:
         result("No corners here:")
         for part in parts[:_MOST_PARTS]:
-            result(f"  {part.words}")
+            result(f"  {part_words(part)}")
         if len(parts) > _MOST_PARTS:
             result(f"  and {plural(len(parts) - _MOST_PARTS, 'smaller part')}")
         result()

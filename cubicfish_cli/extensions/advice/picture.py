@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from cubicfish import FloatArray
 from cubicfish.target.boards.board import AROUND_SQUARE
-from cubicfish.types import FloatArray
 from cubicfish_cli.extensions.advice.advise import Advice
-from cubicfish_cli.extensions.advice.knowledge import limited_lens
+from cubicfish_cli.extensions.advice.limited_lens import limited_lens
 from cubicfish_cli.extensions.advice.proposals import Proposal
 from cubicfish_cli.render.drawing import drawing, lay_out
 from cubicfish_cli.render.target_drawing import draw_board

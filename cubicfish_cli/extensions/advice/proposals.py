@@ -12,13 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish import BoolArray, FloatArray
 from cubicfish.angles import angle_from_axis
-from cubicfish.fit.coverage import FieldCells
 from cubicfish.judge.uncertainty import FieldUncertainty
-from cubicfish.judge.verdict import COVERAGE
-from cubicfish.sufficiency.sufficiency import SIDES, side_of
-from cubicfish.types import BoolArray, FloatArray
-from cubicfish_cli.extensions.advice.knowledge import Knowledge
+from cubicfish.sufficiency.knowledge import Knowledge
+from cubicfish.sufficiency.sufficiency import CoverageGaps, Goal, side_of
 from cubicfish_cli.viewpoints.views import Viewpoint
 
 MOST_PHOTOS = 12
@@ -73,24 +71,23 @@ class Proposal:
 def proposed(
     knowledge: Knowledge,
     views: Sequence[Viewpoint],
-    cells: FieldCells,
+    gaps: CoverageGaps,
     rays: FloatArray,
-    goal: float,
+    goal: Goal,
     proposals: int,
 ) -> tuple[tuple[Proposal, ...], int | None]:
     """Choose the next photos, and count how many of them reach the goal."""
-    added = [knowledge.information.of_photo(knowledge.points(view)) for view in views]
-    filled = np.array([_find_filled(view, cells) for view in views])
-    empty, squares = cells.empty, max(cells.field.sum(), 1)
+    added = [knowledge.of_photo(view.seen.camera[view.seen.visible]) for view in views]
+    filled = np.array([_find_filled(view, gaps) for view in views])
+    empty, squares = gaps.cells.empty, max(gaps.cells.field.sum(), 1)
     chosen: list[Proposal] = []
     # The same photo twice would say little new about a real lens and a real target.
     taken = np.zeros(len(views), bool)
-    state = knowledge.information
-    level = state.summed(rays)
+    state, level = knowledge, knowledge.over(rays)
     needed = None
     while len(chosen) < MOST_PHOTOS and not taken.all():
         tried = [state + photo for photo in added]
-        sums = [one.summed(rays) for one in tried]
+        sums = [one.over(rays) for one in tried]
         fill = (filled & empty).sum(axis=(1, 2)) / squares
         left = np.array([_measure_left(after, level) for after in sums])
         best = int(np.argmin(np.where(taken, np.inf, left - fill)))
@@ -98,16 +95,17 @@ def proposed(
         state, level = tried[best], sums[best]
         empty &= ~filled[best]
         taken[best] = True
-        covered = 1 - empty.sum() / squares >= COVERAGE[0]
-        if needed is None and level.p95_px <= goal and covered:
+        covered = 1 - empty.sum() / squares >= goal.coverage
+        if needed is None and level.p95_px <= goal.p95_px and covered:
             needed = len(chosen)
         if len(chosen) >= proposals and needed is not None:
             break
     return tuple(chosen[:proposals]), needed
 
 
-def _find_filled(view: Viewpoint, cells: FieldCells) -> BoolArray:
+def _find_filled(view: Viewpoint, gaps: CoverageGaps) -> BoolArray:
     """Return which squares of the picture (rows, columns) a view puts corners into."""
+    cells = gaps.cells
     column, row = np.floor(view.pixel / cells.cell).astype(int).T
     inside = (row >= 0) & (column >= 0)
     inside &= (row < cells.field.shape[0]) & (column < cells.field.shape[1])
@@ -126,7 +124,7 @@ def place_words(ray: FloatArray) -> str:
     angle = float(np.degrees(angle_from_axis(ray)))
     if angle < _MIDDLE_DEG:
         return "in the middle of the picture"
-    side = SIDES[int(side_of(ray[:2]))]
+    side = side_of(ray[:2])
     word = {"bottom": "at", "top": "at", "left": "on", "right": "on"}.get(side, "in")
     return f"{word} the {side} of the picture, {angle:.0f}° from the axis"
 
@@ -147,6 +145,6 @@ def tilt_words(front: FloatArray, middle: FloatArray) -> str:
     share = 1 / max(1 + z, 1e-9)
     right = np.array([1 - x * x * share, -x * y * share, -x])
     down = np.array([-x * y * share, 1 - y * y * share, -y])
-    side = SIDES[int(side_of(np.array([right @ front, down @ front])))]
+    side = side_of(np.array([right @ front, down @ front]))
     where = {"bottom": "downwards", "top": "upwards"}.get(side, f"to the {side}")
     return f"its face turned {angle:.0f}° {where}"

@@ -7,9 +7,10 @@ from functools import partial
 from html import escape
 from pathlib import Path
 
+from cubicfish import read_picture
+from cubicfish.files import Content, write_files
 from cubicfish.files.frame_names import film_and_time
-from cubicfish.files.whole_files import Content, write_files
-from cubicfish.photos.photos import data_uri, read_picture, thumbnail
+from cubicfish.photos.photos import data_uri, thumbnail
 from cubicfish.wording import plural
 from cubicfish_cli.extensions.films.frames import Chosen, names_of
 from cubicfish_cli.films.scan import copy_as_png

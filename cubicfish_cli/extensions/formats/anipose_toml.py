@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish.models.radial import RadialCamera
+from cubicfish.models import RadialCamera
 from cubicfish_cli.extensions.formats.lenses import PinholeLens, matrix_rows
 from cubicfish_cli.foreign.file_contents import LensRig, PlacedLens
 

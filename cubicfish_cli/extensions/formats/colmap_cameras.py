@@ -18,13 +18,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from cubicfish import CameraFileError, FloatArray
 from cubicfish.angles import angle_from_axis, columns
-from cubicfish.errors import CameraFileError
-from cubicfish.files.reading import read_bytes, read_text
+from cubicfish.files import read_bytes, read_text
 from cubicfish.geometry import decentring
-from cubicfish.models.lens import Lens
-from cubicfish.models.radial import RadialCamera
-from cubicfish.types import FloatArray
+from cubicfish.models import Lens, RadialCamera
+from cubicfish.models.formula_lens import FocalLens
 from cubicfish.wording import did_you_mean, quoted
 from cubicfish_cli.extensions.formats.lenses import PinholeLens, named_lens, named_numbers
 from cubicfish_cli.foreign.file_contents import (
@@ -35,7 +34,6 @@ from cubicfish_cli.foreign.file_contents import (
     numbers,
     size,
 )
-from cubicfish_cli.foreign.foreign_lens import FocalLens
 
 # Profiles are searched for a fold in such steps.
 _STEP_RAD = np.deg2rad(0.05)

@@ -7,18 +7,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run
+from cubicfish import Run
+from cubicfish.files import StrPath
+from cubicfish.run import RUN
 from cubicfish.wording import listed, plural
 from cubicfish_cli.inputs.paths import paths_of
 from cubicfish_cli.inputs.target_source import target_in
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_message, result
 
 if TYPE_CHECKING:
-    from cubicfish.target.target import Target
+    from cubicfish import Target
     from cubicfish_cli.extensions.formats.vnlog import ImportedCorners
 
 _HELP = """Convert FILES with another detector's corners to corners.csv, ready for calibrate.
@@ -71,12 +73,11 @@ def import_corner_files(options: CornersOptions, *, run: Run = RUN) -> ImportedC
             replaced.
 
     """
-    from cubicfish.files.whole_files import refuse_existing
-    from cubicfish.io.corners_csv import save_corners
+    from cubicfish import save_corners
     from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
 
     goal = Path(options.table)
-    refuse_existing(goal, overwrite=run.overwrite)
+    Plan(run).reads(options.files, options.target).writes(goal)
     read = read_vnlogs(
         paths_of(options.files),
         target_in(options.target),

@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from cubicfish.errors import CameraFileError
-from cubicfish.models.lens import Lens
-from cubicfish.models.radial import RadialCamera
+from cubicfish import CameraFileError
+from cubicfish.models import Lens, RadialCamera
 from cubicfish_cli.extensions.formats.lenses import matrix_rows, named_in_matrix, named_lens
 from cubicfish_cli.foreign.file_contents import PlacedLens, json_text, load_plain_json, numbers
 

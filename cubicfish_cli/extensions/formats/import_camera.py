@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run, made_at, made_by_record
-from cubicfish_cli.extension_table import read_formats
+from cubicfish import Run
+from cubicfish.files import StrPath
+from cubicfish.run import RUN, made_at, made_by_record
+from cubicfish_cli.extension_guard import read_formats
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.terminal.progress import How
@@ -79,12 +81,11 @@ def import_files(options: ImportOptions, *, run: Run = RUN) -> Imported:
 
     """
     from cubicfish.files.fingerprint import fingerprint
-    from cubicfish.files.whole_files import refuse_existing
     from cubicfish_cli.extensions.formats.importing import import_camera
 
     made_at()  # an unusable date is an error before the work, not after
     goal = Path(options.output)
-    refuse_existing(goal, overwrite=run.overwrite)
+    Plan(run).reads(options.path).writes(goal)
     source = fingerprint(Path(options.path))
     run.listener.progress("Fitting the cubic camera to the lens")
     imported = import_camera(

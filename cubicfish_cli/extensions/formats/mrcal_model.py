@@ -17,10 +17,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish.errors import CameraFileError
+from cubicfish import CameraFileError, FloatArray
+from cubicfish.files import read_text
 from cubicfish.files.plain_yaml import parse_plain_yaml
-from cubicfish.files.reading import read_text
-from cubicfish.types import FloatArray
 from cubicfish.wording import did_you_mean, quoted
 from cubicfish_cli.extensions.formats.lenses import PinholeLens
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens

@@ -17,12 +17,11 @@ from typing import Self
 import numpy as np
 from scipy import linalg, sparse
 
+from cubicfish import CubicCamera, FloatArray, IntArray
 from cubicfish.angles import angle_from_axis, azimuth
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.models.radial import RadialCamera
+from cubicfish.models import RadialCamera
+from cubicfish.models.formula_lens import FIXED, FocalLens
 from cubicfish.models.sphere import cone_rays
-from cubicfish.types import FloatArray, IntArray
-from cubicfish_cli.foreign.foreign_lens import FIXED, FocalLens
 
 _ORDER = 3
 # Intervals across the field: more are tried until the spline is this near to the camera.

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish.models.lens import Lens
-from cubicfish.models.radial import RadialCamera
+from cubicfish.models import Lens, RadialCamera
 from cubicfish_cli.extensions.formats.lenses import PINHOLE, PinholeLens, named_lens, named_numbers
 from cubicfish_cli.foreign.file_contents import (
     Fields,

@@ -27,15 +27,13 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import Polynomial, chebyshev, polynomial
 
+from cubicfish import CameraFileError, CubicCamera, FloatArray
 from cubicfish.angles import angle_from_axis
-from cubicfish.errors import CameraFileError
-from cubicfish.files.reading import read_text
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.models.radial import RadialCamera
+from cubicfish.files import read_text
+from cubicfish.models import RadialCamera
+from cubicfish.models.formula_lens import FIXED, FormulaLens
 from cubicfish.solve.fit_lens import nearest_lens
-from cubicfish.types import FloatArray
 from cubicfish_cli.foreign.file_contents import PlacedLens, numbers, size
-from cubicfish_cli.foreign.foreign_lens import FIXED, ForeignLens
 
 # Degrees to try. Real files mostly have 4; the toolbox's C reader takes up to 63.
 _DEGREES = range(4, 13)
@@ -56,7 +54,7 @@ _COMPARED_MARGIN = 6.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ScaramuzzaLens(ForeignLens):
+class ScaramuzzaLens(FormulaLens):
     """Scaramuzza, Martinelli & Siegwart 2006, the OCam toolbox's lens.
 
     Attributes:

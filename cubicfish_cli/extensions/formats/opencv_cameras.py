@@ -22,12 +22,11 @@ from xml.parsers import expat
 
 import numpy as np
 
-from cubicfish.errors import CameraFileError
+from cubicfish import CameraFileError, FloatArray
+from cubicfish.files import read_text
 from cubicfish.files.plain_yaml import MAX_DEPTH, mapping, parse_plain_yaml
-from cubicfish.files.reading import read_text
-from cubicfish.models.lens import Lens
-from cubicfish.models.radial import RadialCamera
-from cubicfish.types import FloatArray
+from cubicfish.models import Lens, RadialCamera
+from cubicfish.models.formula_lens import FocalLens
 from cubicfish.wording import quoted
 from cubicfish_cli.extensions.formats.lenses import (
     PINHOLE,
@@ -44,7 +43,6 @@ from cubicfish_cli.foreign.file_contents import (
     parse_plain_json,
     size,
 )
-from cubicfish_cli.foreign.foreign_lens import FocalLens
 
 # Names in lower case, without underscores or hyphens.
 _KEY = re.compile(r"[\"']?(\w{1,40})[\"']?\s*:")

@@ -16,11 +16,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish.errors import CameraFileError
+from cubicfish import CameraFileError, FloatArray
 from cubicfish.files.plain_yaml import load_plain_yaml
-from cubicfish.models.lens import Lens
-from cubicfish.models.radial import RadialCamera
-from cubicfish.types import FloatArray
+from cubicfish.models import Lens, RadialCamera
 from cubicfish_cli.extensions.formats.lenses import (
     PINHOLE,
     PinholeLens,

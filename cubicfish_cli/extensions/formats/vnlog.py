@@ -29,12 +29,10 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish.errors import CorrespondenceError
-from cubicfish.files.reading import read_text
-from cubicfish.files.tables import Table, csv_text, parse_table
-from cubicfish.target.observations import Observations, no_such_board
-from cubicfish.target.target import Target
-from cubicfish.types import BoolArray, FloatArray, IntArray
+from cubicfish import BoolArray, CorrespondenceError, FloatArray, IntArray, Observations, Target
+from cubicfish.files import csv_text, read_text
+from cubicfish.files.tables import Table, parse_table
+from cubicfish.target.observations import no_such_board
 from cubicfish.wording import quoted
 
 MAX_BYTES = 200_000_000

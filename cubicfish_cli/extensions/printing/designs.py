@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from math import floor
 from typing import Any
 
+from cubicfish.target import BOARD_TYPES
 from cubicfish.target.boards.markers import MARKER_DICTIONARIES
-from cubicfish.target.boards.types import BOARD_TYPES
 
 Counts = tuple[int, int]
 # A charuco has the smallest of these that is large enough, unless another one is named.

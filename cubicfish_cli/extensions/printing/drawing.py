@@ -17,9 +17,9 @@ from matplotlib.path import Path as Outline
 from matplotlib.text import Text
 from matplotlib.transforms import Affine2D
 
-from cubicfish.target.boards.board import AROUND_SQUARE, Board
-from cubicfish.target.boards.types import AprilGrid
-from cubicfish.types import FloatArray
+from cubicfish import FloatArray
+from cubicfish.target import AprilGrid, Board
+from cubicfish.target.boards.board import AROUND_SQUARE
 from cubicfish_cli import __version__
 from cubicfish_cli.extensions.printing.layout import STRIP, Cut, Page, Side
 from cubicfish_cli.render.board_faces import board_face

@@ -5,9 +5,8 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Literal
 
-from cubicfish.errors import TargetError
-from cubicfish.target.boards.board import Board
-from cubicfish.target.target import Target
+from cubicfish import Target, TargetError
+from cubicfish.target import Board
 from cubicfish.units import MILLIMETRES
 from cubicfish.wording import quoted
 from cubicfish_cli.extensions.printing.paper import Paper

@@ -12,10 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cubicfish.errors import TargetError
-from cubicfish.target.boards.board import Board
-from cubicfish.target.target import Target
-from cubicfish.types import FloatArray
+from cubicfish import FloatArray, Target, TargetError
+from cubicfish.target import Board
 from cubicfish_cli.extensions.printing.designs import DESIGNS, Counts, Design
 from cubicfish_cli.extensions.printing.layout import SHORTEST_STRIP, STRIP, Cut, Page, Side, lay_out
 from cubicfish_cli.extensions.printing.paper import Paper

@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from cubicfish.errors import TargetError
+from cubicfish import TargetError
 from cubicfish.wording import did_you_mean, quoted
 from cubicfish_cli.inputs.target_source import length_mm
 

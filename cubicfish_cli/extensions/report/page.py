@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cubicfish.judge.codes import Severity
+from cubicfish import CubicCamera
+from cubicfish.judge import Severity
 from cubicfish.judge.fit_record import DroppedCorner, origin_of
-from cubicfish.models.cubic import CubicCamera
 from cubicfish_cli.extensions.report.figures import all_figures, arrow_zoom
 from cubicfish_cli.extensions.report.pictures import MOST_CARDS, all_pictures
 from cubicfish_cli.extensions.report.scene import scene_figures
@@ -21,9 +21,8 @@ from cubicfish_cli.render.pages.template import day_of, template
 from cubicfish_cli.words import camera as in_words
 
 if TYPE_CHECKING:
-    from cubicfish.fit.calibration import Calibration
-    from cubicfish.target.observations import Observations
-    from cubicfish_cli.foreign.point_fit import PointCalibration
+    from cubicfish import Calibration, Observations
+    from cubicfish.fit.point_fit import PointCalibration
 
 _MOST_DROPPED = 200
 _MOST_ROWS = 5000

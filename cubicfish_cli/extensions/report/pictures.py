@@ -9,10 +9,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.errors import PhotoError, ViewError
-from cubicfish.models.cubic import CubicCamera
+from cubicfish import CubicCamera, FloatArray, PhotoError, ViewError, build_map
+from cubicfish.photos import Picture
 from cubicfish.photos.photos import (
-    Picture,
     data_uri,
     decode_picture,
     decode_small,
@@ -20,8 +19,6 @@ from cubicfish.photos.photos import (
     read_size,
     thumbnail,
 )
-from cubicfish.types import FloatArray
-from cubicfish.views.maps import build_map
 from cubicfish_cli.inputs.calibration_facts import Facts, PhotoRecord
 from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.images import remap_picture

@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish.errors import UsageError
-from cubicfish.files.whole_files import Content, StrPath, refuse_existing
-from cubicfish.listener import Event
-from cubicfish.run import RUN, Run, made_at, made_by_record
+from cubicfish import Event, Run, UsageError
+from cubicfish.files import Content, StrPath
+from cubicfish.run import RUN, made_at, made_by_record
 from cubicfish.wording import quoted
 from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_rig
 from cubicfish_cli.films import MOST
-from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.render.pages import PAGE
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import enforce_max_rms, mark_of
@@ -34,11 +33,10 @@ from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import apart, print_message, print_wrote, result
 
 if TYPE_CHECKING:
+    from cubicfish import Rig, Target
     from cubicfish.fit.model_selection import RefineTarget
     from cubicfish.io.camera_yaml import Calibrated
-    from cubicfish.rigs.rig import Rig
-    from cubicfish.rigs.times import CornerMotion
-    from cubicfish.target.target import Target
+    from cubicfish.rigs import CornerMotion
     from cubicfish_cli.extensions.rigs.films import ShotFrame
     from cubicfish_cli.observe import Inputs
 
@@ -149,7 +147,7 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
             can be fitted.
 
     """
-    from cubicfish.files.whole_files import write_files
+    from cubicfish.files import write_files
     from cubicfish_cli.extensions.rigs.films import keeping_frames
 
     plan = _plan(options, run)
@@ -163,7 +161,7 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Plan:
+class _RigPlan:
     """What is read, and what will be written.
 
     Attributes:
@@ -174,16 +172,18 @@ class _Plan:
         are_films: whether the inputs are films.
         folder: where files go.
         page: the page, if one is made.
+        register: of all that is read and written.
 
     """
 
     options: RigOptions
     cameras: Mapping[str, Path]
-    lenses: Mapping[str, Calibrated | StrPath]
+    lenses: Mapping[str, Calibrated | Path]
     target: TargetSource
     are_films: bool
     folder: Path
     page: Path | None
+    register: Plan
 
     @property
     def frames(self) -> Path:
@@ -208,8 +208,9 @@ class _Plan:
         return "films" if self.are_films else by
 
 
-def _plan(options: RigOptions, run: Run) -> _Plan:
-    from cubicfish_cli.extensions.rigs.inputs import check_camera_inputs, is_calibrated
+def _plan(options: RigOptions, run: Run) -> _RigPlan:
+    from cubicfish_cli.core_table import NAMES
+    from cubicfish_cli.extensions.rigs.inputs import check_camera_inputs, is_calibrated, read_for
     from cubicfish_cli.extensions.rigs.naming import named_cameras, named_lenses
     from cubicfish_cli.observe import films_among
     from cubicfish_cli.render import drawing as extra
@@ -232,7 +233,7 @@ def _plan(options: RigOptions, run: Run) -> _Plan:
                 raise UsageError(f"{name} is of cameras that are calibrated here: leave it out")
     made_at()  # said before the work if it cannot be
     with_page = options.report and not extra.missing(extra.REPORT)
-    plan = _Plan(
+    plan = _RigPlan(
         options=options,
         cameras=cameras,
         lenses=lenses,
@@ -240,11 +241,12 @@ def _plan(options: RigOptions, run: Run) -> _Plan:
         are_films=bool(films),
         folder=folder,
         page=folder / PAGE if with_page else None,
+        register=Plan(run).reads(read_for(inputs), target, options.shots, options.times, lenses),
     )
     pages = [] if plan.page is None else [plan.page]
     own_files = [folder / name / "camera.yaml" for name in cameras]
-    goals = (folder / "rig.yaml", *pages, *own_files, *plan.corners.values())
-    refuse_existing(*goals, overwrite=run.overwrite)
+    refined = [] if options.refine_target == "off" else [folder / NAMES["target"]]
+    plan.register.writes(folder / "rig.yaml", *pages, *own_files, *plan.corners.values(), *refined)
     return plan
 
 
@@ -281,14 +283,14 @@ class _Seen:
     motion: Mapping[str, CornerMotion]
 
 
-def _observe(plan: _Plan, run: Run) -> _Seen:
-    from cubicfish.io.camera_yaml import Calibrated, load_camera
+def _observe(plan: _RigPlan, run: Run) -> _Seen:
+    from cubicfish import load_camera
     from cubicfish_cli.extensions.rigs.films import keeping_frames, measure_motion, rig_frames
     from cubicfish_cli.extensions.rigs.inputs import load_camera_inputs
     from cubicfish_cli.films.scan import room_for_frames
 
     lenses: dict[str, Calibrated] = {
-        name: one if isinstance(one, Calibrated) else load_camera(in_folder(Path(one)))
+        name: load_camera(one) if isinstance(one, Path) else one
         for name, one in plan.lenses.items()
     }
     inputs, motion = {}, {}
@@ -301,6 +303,7 @@ def _observe(plan: _Plan, run: Run) -> _Seen:
                 room,
                 plan.target.load(),
                 run,
+                plan.register,
                 most=plan.options.most or MOST,
                 tolerance=plan.options.tolerance,
             )
@@ -317,9 +320,9 @@ def _observe(plan: _Plan, run: Run) -> _Seen:
     return _Seen(inputs=inputs, lenses=lenses, frames=frames, motion=motion)
 
 
-def _fit(plan: _Plan, seen: _Seen, run: Run) -> Rig:
-    from cubicfish.rigs.calibrate import calibrate_rig
-    from cubicfish.rigs.shots import load_shots, load_times
+def _fit(plan: _RigPlan, seen: _Seen, run: Run) -> Rig:
+    from cubicfish import calibrate_rig
+    from cubicfish.rigs import load_shots, load_times
 
     options, first = plan.options, next(iter(seen.inputs.values()))
     rows = [(one.shot, one.camera, one.picture.name) for one in seen.frames]
@@ -349,7 +352,7 @@ def _fit(plan: _Plan, seen: _Seen, run: Run) -> Rig:
     return replace(rig, made_by=made_by_record(run.command, asked_for, first.target_file, files))
 
 
-def _make_contents(plan: _Plan, rig: Rig, seen: _Seen, run: Run) -> dict[Path, Content]:
+def _make_contents(plan: _RigPlan, rig: Rig, seen: _Seen, run: Run) -> dict[Path, Content]:
     """The contents of all files, rig.yaml first: it is written last."""
     from cubicfish.io.corners_csv import corners_text
 

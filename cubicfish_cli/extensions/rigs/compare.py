@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run
+from cubicfish import Run
+from cubicfish.files import StrPath
+from cubicfish.run import RUN
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import px
 from cubicfish_cli.terminal.parameters import as_command, record
@@ -15,7 +16,7 @@ from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_table, result
 
 if TYPE_CHECKING:
-    from cubicfish.rigs.compare import ComparedCamera
+    from cubicfish.rigs import ComparedCamera
 
 
 @record
@@ -62,8 +63,7 @@ def compare_rig_files(options: RigCompareOptions, *, run: Run = RUN) -> Compared
         FitError: the rigs have fewer than two cameras in common, or other units.
 
     """
-    from cubicfish.rigs.compare import compare_rigs
-    from cubicfish.rigs.rig import load_rig
+    from cubicfish import compare_rigs, load_rig
 
     rig = load_rig(options.first)
     return ComparedRigFiles(units=rig.units, cameras=compare_rigs(rig, load_rig(options.second)))

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish.errors import UsageError
-from cubicfish.files.whole_files import StrPath
-from cubicfish.listener import Event
-from cubicfish.run import RUN, Run
+from cubicfish import Event, Run, UsageError
+from cubicfish.files import StrPath
+from cubicfish.run import RUN
 from cubicfish.wording import plural
 from cubicfish_cli.commands.evaluate import report_unplaced
 from cubicfish_cli.extensions.rigs.options import times_option
@@ -23,8 +22,8 @@ from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_json, print_message
 
 if TYPE_CHECKING:
-    from cubicfish.rigs.evaluate import RigEvaluation
-    from cubicfish.target.target import Target
+    from cubicfish import Target
+    from cubicfish.rigs import RigEvaluation
 
 
 @record
@@ -61,10 +60,10 @@ def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = RUN) -> RigEva
         CubicfishError: an input cannot be used, or no shot can be placed.
 
     """
+    from cubicfish import evaluate_rig, load_rig
     from cubicfish.judge.fit_record import origin_of
-    from cubicfish.rigs.evaluate import evaluate_rig
-    from cubicfish.rigs.rig import REFINED, load_rig
-    from cubicfish.rigs.shots import load_times
+    from cubicfish.rigs import load_times
+    from cubicfish_cli.core_table import NAMES
     from cubicfish_cli.extensions.rigs.inputs import check_camera_inputs, load_camera_inputs
     from cubicfish_cli.extensions.rigs.naming import owners_of
 
@@ -83,7 +82,7 @@ def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = RUN) -> RigEva
         for name, one in zip(own, inputs, strict=True)
     }
     first, nominal = loaded[own[0]], origin_of(known.made_by).target
-    refined, given = known.files[0].with_name(REFINED), first.target_file
+    refined, given = known.files[0].with_name(NAMES["target"]), first.target_file
     if nominal and given and given.sha256 == nominal.sha256 and refined.is_file():
         run.listener.tell(Event.MEASURED_AS_DRAWN, refined=refined)
     run.listener.progress("Placing shots")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish.types import BoolArray, FloatArray, IntArray
+from cubicfish import BoolArray, FloatArray, IntArray
 
 # Two films must share so long a time, in frames and as a share of the shorter one.
 _LEAST_COMMON, _LEAST_SHARE = 40, 0.4

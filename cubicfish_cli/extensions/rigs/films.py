@@ -9,22 +9,28 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish.errors import CubicfishError, DetectionError, PhotoError
+from cubicfish import (
+    CubicfishError,
+    DetectionError,
+    Event,
+    Listener,
+    Observations,
+    PhotoError,
+    Run,
+    Target,
+)
+from cubicfish.files import Content, csv_text, write_files
 from cubicfish.files.frame_names import frame_name
-from cubicfish.files.tables import csv_text
-from cubicfish.files.whole_files import Content, refuse_existing, write_files
-from cubicfish.listener import Event, Listener
-from cubicfish.photos.photos import Photo, read_grey
-from cubicfish.rigs.times import CornerMotion
-from cubicfish.run import Run
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target
+from cubicfish.observe import find_corners
+from cubicfish.photos import Photo, read_grey
+from cubicfish.rigs import CornerMotion
 from cubicfish_cli.extensions.rigs.film_clocks import FilmMotion, match_films
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out
 from cubicfish_cli.films.choose import Seen, choose_shots
-from cubicfish_cli.films.frame_search import found_in, why_ended
+from cubicfish_cli.films.frame_search import Found, why_ended
 from cubicfish_cli.films.scan import Measured, report_film, scan, still_px
 from cubicfish_cli.films.source import open_films
+from cubicfish_cli.plan import Plan
 
 # Of so many moments for each that may be chosen the corners are looked for.
 _LOOKED_AT = 2
@@ -90,6 +96,7 @@ def rig_frames(
     room: Path,
     targets: Sequence[Target],
     run: Run,
+    plan: Plan,
     *,
     most: int,
     tolerance: float | None,
@@ -102,6 +109,7 @@ def rig_frames(
         room: a folder for frames that are needed until it is known how corners move.
         targets: the calibration target, or what it may be.
         run: how the work is done.
+        plan: what is read and written.
         most: how many moments are chosen at most.
         tolerance: how far apart frames of a moment may be, seconds; None for half a frame.
 
@@ -109,7 +117,7 @@ def rig_frames(
         CubicfishError: a film cannot be used, films share no time, or show no board.
 
     """
-    refuse_existing(folder / "shots.csv", overwrite=run.overwrite)
+    plan.writes(folder / "shots.csv")
     measured = {}
     for name, path in films.items():
         (film,) = open_films([path])
@@ -132,7 +140,7 @@ def rig_frames(
             one.film, taken[name], run.listener.counting(f"Taking frames of {one.film.path.name}")
         )
     chosen = _choose(measured, found, taken, targets, most, run)
-    return _write(measured, found, taken, chosen, folder, overwrite=run.overwrite)
+    return _write(measured, found, taken, chosen, folder, plan, overwrite=run.overwrite)
 
 
 def find_ahead(measured: Mapping[str, Measured], listener: Listener) -> list[float]:
@@ -174,10 +182,11 @@ def _choose(
         frames = found.frame[rows, column].tolist()
         photos = [Photo(name=f"{name} {index}", path=taken[name][index]) for index in frames]
         try:
-            work = run.work(f"Finding corners in {name}")
-            patches = found_in(photos, targets, work, run.cache).patches
+            step = f"Finding corners in {name}"
+            detection = find_corners(photos, targets, run, again=False, step=step)
         except DetectionError as error:
             raise DetectionError(f"camera {name}: no frame can be chosen: {error}") from error
+        patches = Found.of(detection).patches
         for row, index, photo in zip(rows, frames, photos, strict=True):
             shots[row][column] = Seen(
                 patches=patches.get(photo.name, ()),
@@ -200,6 +209,7 @@ def _write(
     taken: Mapping[str, Mapping[int, Path]],
     chosen: Mapping[int, Sequence[int]],
     folder: Path,
+    plan: Plan,
     *,
     overwrite: bool,
 ) -> list[ShotFrame]:
@@ -233,6 +243,7 @@ def _write(
                 f"camera {name}: no board was found in any frame that was chosen: is one in view "
                 "while the others see the target too?"
             )
+    plan.writes(*sources, within=folder)
     table = folder / "shots.csv"
     rows = [(one.shot, one.camera, one.picture.name) for one in frames]
     files: dict[Path, Content] = {table: csv_text([("shot", "camera", "image"), *rows])}

@@ -6,15 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run
+from cubicfish import Run
+from cubicfish.files import StrPath
+from cubicfish.run import RUN
 from cubicfish_cli.extensions.rigs.options import rig_argument
 from cubicfish_cli.extensions.rigs.printed import print_rig
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
 
 if TYPE_CHECKING:
-    from cubicfish.rigs.rig import Rig
+    from cubicfish import Rig
 
 
 @record
@@ -50,7 +51,7 @@ def info_rig_files(options: RigInfoOptions, *, run: Run = RUN) -> RigInfo:
         CameraFileError: the file cannot be used.
 
     """
-    from cubicfish.rigs.rig import load_rig
+    from cubicfish import load_rig
 
     rig = load_rig(options.rig)
     return RigInfo(model=rig.files[0], rig=rig)

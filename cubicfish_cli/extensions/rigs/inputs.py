@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from cubicfish.errors import CorrespondenceError
+from cubicfish import CameraFile, CorrespondenceError, Run, load_camera
 from cubicfish.files.fingerprint import fingerprint
-from cubicfish.io.camera_yaml import CameraFile, load_camera
-from cubicfish.run import RUN, Run
+from cubicfish.run import RUN
 from cubicfish_cli.inputs.paths import check_inputs, tables_among
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.observe import Inputs, load_inputs
@@ -47,6 +46,12 @@ def _find_model_and_corners(path: Path) -> tuple[Path | None, Path]:
             "camera's photos or its corners.csv"
         )
     return model, corners
+
+
+def read_for(cameras: Sequence[Path]) -> list[Path]:
+    """What is read for cameras."""
+    both = [one for path in cameras for one in _find_model_and_corners(path)]
+    return [path for path in both if path is not None]
 
 
 def load_camera_inputs(

@@ -5,11 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish.errors import ViewError
+from cubicfish import Rig, ViewError, rectify
 from cubicfish.models.sphere import cone_rays
-from cubicfish.rigs.rig import Rig, RigCamera
-from cubicfish.rigs.stereo import rectify
-from cubicfish.views.fields import sees
+from cubicfish.rigs import RigCamera
+from cubicfish.views import sees
 from cubicfish_cli.commands.exporting import Exported
 from cubicfish_cli.foreign.file_contents import FlatPair, LensRig, PlacedLens
 from cubicfish_cli.undistortion.choose import build_view

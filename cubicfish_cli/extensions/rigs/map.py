@@ -8,20 +8,21 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import CameraFileError, UsageError, ViewError
-from cubicfish.files.whole_files import StrPath, refuse_existing
-from cubicfish.run import RUN, Run
+from cubicfish import CameraFileError, Run, UsageError, ViewError
+from cubicfish.files import StrPath
+from cubicfish.run import RUN
 from cubicfish.wording import either
 from cubicfish_cli.commands.map import MapFiles, files_of, photo_size_option, print_maps, write_maps
 from cubicfish_cli.commands.view_options import view_bundle
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_option
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.undistortion.options import ViewOptions
 
 if TYPE_CHECKING:
-    from cubicfish.views.view import View
+    from cubicfish import View
 
 _HELP = """Write two maps of the rig's cameras that --pair names: OUT_left.npz and OUT_right.npz.
 
@@ -94,14 +95,11 @@ def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
     """
     import numpy as np
 
+    from cubicfish import build_map, load_rig, rectify
     from cubicfish.files.plain_yaml import plain_yaml_text
-    from cubicfish.rigs.rig import load_rig
-    from cubicfish.rigs.stereo import rectify
-    from cubicfish.views.fields import sees
-    from cubicfish.views.maps import build_map, camera_for_photos
-    from cubicfish.views.view import CentralView
+    from cubicfish.views import CentralView, camera_for_photos, sees
     from cubicfish_cli.undistortion.choose import ChosenView, chosen_view
-    from cubicfish_cli.undistortion.map_formats import MapInBands, map_paths
+    from cubicfish_cli.undistortion.map_formats import MapInBands, camera_path, map_paths
 
     goal, photo_size = Path(options.output), options.photo_size
     map_paths(goal)  # its name is refused first
@@ -112,7 +110,8 @@ def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
         raise CameraFileError(f"name two of the rig's cameras with --pair: {', '.join(both)}")
     about = goal.with_suffix(".stereo.yaml")
     plan = map_paths(goal, both)
-    refuse_existing(*files_of(plan), about, overwrite=run.overwrite)
+    register = Plan(run).reads(loaded.files)
+    register.writes(*files_of(plan), about, *(camera_path(goal, one) for one in both))
     between = rectify(loaded, *both)
     if photo_size is not None:
         one, other = (camera_for_photos(loaded.camera(name).camera, photo_size) for name in both)

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from glob import has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish.errors import UsageError
-from cubicfish.photos.photos import VIDEO_SUFFIXES, shown
+from cubicfish import UsageError
+from cubicfish.photos import shown
+from cubicfish.photos.photos import VIDEO_SUFFIXES
 from cubicfish.wording import plural, quoted
 from cubicfish_cli.films.recordings import label_of
-from cubicfish_cli.inputs.paths import is_recording, paths_of
+from cubicfish_cli.inputs.paths import in_folder, is_recording, paths_of
 
 if TYPE_CHECKING:
-    from cubicfish.files.whole_files import StrPath
+    from cubicfish.files import StrPath
     from cubicfish.io.camera_yaml import Calibrated
 
 
@@ -32,7 +34,7 @@ def named_cameras(
         UsageError: they are fewer than two, or names are missing, double or none for files.
 
     """
-    from cubicfish.rigs.rig import refuse_name
+    from cubicfish.rigs import refuse_name
 
     if isinstance(cameras, Mapping):
         inputs, called = paths_of(list(cameras.values())), list(cameras)
@@ -56,7 +58,7 @@ def named_cameras(
 
 def named_lenses(
     lenses: Mapping[str, Calibrated | StrPath] | Sequence[Path], called: Iterable[str]
-) -> Mapping[str, Calibrated | StrPath]:
+) -> dict[str, Calibrated | Path]:
     """Cameras that are calibrated already, or their files, by name.
 
     Raises:
@@ -71,7 +73,10 @@ def named_lenses(
                 f"--lens {quoted(name)} names no camera: write NAME=FILE with one of "
                 f"{', '.join(called)}"
             )
-    return lenses
+    return {
+        name: in_folder(Path(one)) if isinstance(one, str | os.PathLike) else one
+        for name, one in lenses.items()
+    }
 
 
 def named_by(path: Path) -> str:

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish.judge.codes import Severity
+from cubicfish import Rig
+from cubicfish.judge import Severity
 from cubicfish.judge.fit_record import origin_of
-from cubicfish.rigs.rig import Rig
 from cubicfish_cli.render.pages.figures import (
     BOARD_COLOURS,
     Drawn,

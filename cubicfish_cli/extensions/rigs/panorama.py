@@ -12,15 +12,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish import CubicCamera, FloatArray, Rig, UndistortMap, View, ViewError, build_map
 from cubicfish.angles import unit_rays
-from cubicfish.errors import ViewError
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.photos.photos import Picture
-from cubicfish.rigs.rig import Rig, RigCamera
-from cubicfish.types import FloatArray
-from cubicfish.views.fields import sees
-from cubicfish.views.maps import UndistortMap, build_map
-from cubicfish.views.view import CentralView, View, matrix_of_rotation, rotation_vector
+from cubicfish.photos import Picture
+from cubicfish.rigs import RigCamera
+from cubicfish.views import CentralView, sees
+from cubicfish.views.view import matrix_of_rotation, rotation_vector
 from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.images import remap_picture
 

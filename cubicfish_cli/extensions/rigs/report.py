@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from cubicfish.files.whole_files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN, Run
+from cubicfish import Run
+from cubicfish.files import StrPath, write_files
+from cubicfish.run import RUN
 from cubicfish_cli.extensions.rigs.options import rig_argument
 from cubicfish_cli.inputs.paths import path_or_none
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.render.pages import PAGE
 from cubicfish_cli.render.pages.report_files import ReportFiles
@@ -39,13 +41,13 @@ def report_rig_files(options: RigReportOptions, *, run: Run = RUN) -> ReportFile
             exists and may not be replaced.
 
     """
-    from cubicfish.rigs.rig import load_rig
+    from cubicfish import load_rig
     from cubicfish_cli.extensions.rigs.page import rig_html
 
     extra.require(extra.REPORT, "a report")
     rig = load_rig(options.rig)
     path = path_or_none(options.page) or rig.files[0].parent / PAGE
-    refuse_existing(path, overwrite=run.overwrite)
+    Plan(run).reads(rig.files).writes(path)
     run.listener.progress("Making the report")
     write_files({path: rig_html(rig)}, overwrite=run.overwrite)
     return ReportFiles(page=path, model=rig.files[0], verdict=rig.verdict)

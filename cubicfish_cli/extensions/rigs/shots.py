@@ -5,11 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from cubicfish.errors import ViewError
-from cubicfish.listener import SILENT, Listener
-from cubicfish.photos.photos import Picture, natural_key, photo_size
-from cubicfish.rigs.shots import match_shots
-from cubicfish.views.maps import UndistortMap, camera_for_photos
+from cubicfish import Listener, UndistortMap, ViewError
+from cubicfish.listener import SILENT
+from cubicfish.photos import Picture
+from cubicfish.photos.photos import natural_key, photo_size
+from cubicfish.rigs import match_shots
+from cubicfish.views import camera_for_photos
 from cubicfish_cli.extensions.rigs.naming import owners_of
 from cubicfish_cli.extensions.rigs.panorama import Body, Panorama, build_panorama
 from cubicfish_cli.inputs.paths import named_photos

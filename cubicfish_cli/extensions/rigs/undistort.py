@@ -7,20 +7,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run
+from cubicfish import Run
+from cubicfish.files import StrPath
+from cubicfish.run import RUN
 from cubicfish.wording import either
 from cubicfish_cli.commands.undistort import PictureOptions, named_sources, print_pictures
 from cubicfish_cli.commands.view_options import report_unseen, view_bundle
 from cubicfish_cli.extensions.rigs.options import rig_option
 from cubicfish_cli.inputs.paths import paths_of
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.undistortion.options import KINDS, ViewOptions
 
 if TYPE_CHECKING:
-    from cubicfish.views.view import View
+    from cubicfish import View
     from cubicfish_cli.commands.pictures import UndistortedFiles
 
 
@@ -86,7 +88,7 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = RUN) -> Undi
         CubicfishError: the rig or the executor cannot be used.
 
     """
-    from cubicfish.rigs.rig import load_rig
+    from cubicfish import load_rig
     from cubicfish_cli.commands.pictures import plan_pictures, write_pictures
     from cubicfish_cli.extensions.rigs.panorama import Body
     from cubicfish_cli.extensions.rigs.shots import RigViews, body_for_photos, shots_of
@@ -97,7 +99,9 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = RUN) -> Undi
     shots = shots_of(sources, names, run.listener)
     suffix = next(iter(next(iter(shots.values())).values())).suffix
     jobs = {name: (f"{name}{suffix}", own) for name, own in shots.items()}
-    plan = plan_pictures("shot", jobs, Path(options.output), options, run, alone=len(shots) == 1)
+    register = Plan(run, skip_existing=options.skip_existing).reads(known.files)
+    alone = len(shots) == 1
+    plan = plan_pictures("shot", jobs, Path(options.output), options, run, register, alone=alone)
     view = options.view or ViewOptions()
     if isinstance(view, ViewOptions) and view.kind is None:
         view = replace(view, kind="equirectangular")

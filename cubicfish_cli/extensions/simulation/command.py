@@ -11,21 +11,21 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish.errors import OutputError, UsageError
-from cubicfish.files.whole_files import StrPath
-from cubicfish.run import RUN, Run
+from cubicfish import OutputError, Run, UsageError
+from cubicfish.files import StrPath
+from cubicfish.run import RUN
 from cubicfish.wording import did_you_mean, plural, quoted
 from cubicfish_cli.inputs.target_source import target_in
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, bundle, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_next, print_wrote, result
 
 if TYPE_CHECKING:
-    from cubicfish.files.whole_files import Content
+    from cubicfish import CubicCamera, Target
+    from cubicfish.files import Content
     from cubicfish.io.camera_yaml import Calibrated
-    from cubicfish.models.cubic import CubicCamera
-    from cubicfish.target.target import Target
 
 
 _MOST_PHOTOS = 10_000
@@ -184,11 +184,10 @@ def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFile
         OutputError: no photo shows a corner, or a file exists and may not be replaced.
 
     """
-    from cubicfish.files.whole_files import write_files
-    from cubicfish.io.camera_yaml import camera_text, load_camera
-    from cubicfish.judge.fit_record import FitRecord
-    from cubicfish.listener import Event
-    from cubicfish.models.cubic import CubicCamera
+    from cubicfish import CubicCamera, Event, load_camera
+    from cubicfish.files import write_files
+    from cubicfish.io.camera_yaml import camera_text
+    from cubicfish.judge import FitRecord
     from cubicfish_cli.extensions.simulation.simulate import (
         chosen_poses,
         photo_bytes,
@@ -198,6 +197,10 @@ def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFile
     from cubicfish_cli.viewpoints.truth import pose_table_text, true_corners_text
     from cubicfish_cli.viewpoints.views import NearLens
 
+    folder = Path(options.folder)
+    truth = [folder / name for name in ("true_corners.csv", "true_poses.csv", "true_camera.yaml")]
+    plan = Plan(run).reads(options.target, options.camera, options.poses)
+    plan.writes(*truth)
     thing, look, listener = target_in(options.target), options.look, run.listener
     listener.progress("Choosing where to take photos from")
     made_by, known = {"command": "simulate"}, options.camera
@@ -208,7 +211,7 @@ def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFile
     lens = NearLens(camera=camera) if camera.pupil_travel else camera
     if any(board.shape is not None for board in thing.boards):
         listener.tell(Event.RENDERED_FLAT)
-    folder, flat = Path(options.folder), thing.with_flat_boards()
+    flat = thing.with_flat_boards()
     if options.poses is None:
         chosen = chosen_poses(thing, lens, size, options.number or 12, seed=look.seed)
         digits = max(2, len(str(len(chosen))))
@@ -219,11 +222,10 @@ def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFile
     corners = true_corners_text(flat, lens, named, size)
     if corners.count("\n") <= 2:
         raise OutputError("no photo shows a corner: check the poses, the target and its units")
-    texts: dict[Path, Content] = {
-        folder / "true_corners.csv": corners,
-        folder / "true_poses.csv": pose_table_text(named),
-        folder / "true_camera.yaml": camera_text(camera, fit=FitRecord(), made_by=made_by),
-    }
+    plan.writes(*(folder / name for name in named), within=folder)
+    about_camera = camera_text(camera, fit=FitRecord(), made_by=made_by)
+    contents = (corners, pose_table_text(named), about_camera)
+    texts: dict[Path, Content] = dict(zip(truth, contents, strict=True))
     pictures = plural(len(named), "photo")
     listener.tell(Event.RENDERING, pictures=pictures, width=size[0], height=size[1])
     listener.progress(_RENDERING)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish.types import FloatArray, IntArray
+from cubicfish import FloatArray, IntArray
 from cubicfish_cli.render.pages.plot import Plot, Space, document
 
 BLUE, ORANGE, GREEN, PURPLE, RED = "#0072b2", "#d98200", "#00805d", "#b5609b", "#c84e00"

@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from cubicfish.types import FloatArray
+from cubicfish import FloatArray
 
 INK, MUTED, GRID = "#1d2329", "#57606a", "#dfe3e8"
 WIDTH = 360.0

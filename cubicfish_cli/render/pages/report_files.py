@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cubicfish.judge.verdict import Verdict
+    from cubicfish import Verdict
 
 
 @dataclass(frozen=True, kw_only=True)

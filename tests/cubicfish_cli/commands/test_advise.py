@@ -99,7 +99,7 @@ def test_what_point_cameras_and_bare_pairs_cannot(run: Run, poor: Path, tmp_path
     said = run("advise", tmp_path / "p", code=1).stderr
     assert "lift 'point'" in said
     assert said.count("\n") == 1
-    from cubicfish.io.corners_csv import load_corners
+    from cubicfish import load_corners
     from cubicfish.target.target import load_target
 
     target = load_target(TARGET)

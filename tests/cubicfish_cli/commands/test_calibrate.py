@@ -10,11 +10,9 @@ from pairs_csv import write_pairs
 from running import SAMPLE, Run
 from saved_maps import read_map
 
-from cubicfish.errors import OutputError
+from cubicfish import OutputError, load_camera, load_corners
 from cubicfish.files.fingerprint import sha256_of
 from cubicfish.fit import calibrate as fitting
-from cubicfish.io.camera_yaml import load_camera
-from cubicfish.io.corners_csv import load_corners
 from cubicfish.target.target import load_target
 from cubicfish_cli import __version__
 
@@ -316,7 +314,7 @@ def test_a_calibration_does_not_replace_the_object_that_it_is_made_from(
     mine.write_bytes(TARGET.read_bytes())
     args = ("calibrate", CORNERS, "-t", mine, "-o", tmp_path, "--overwrite")
     said = run(*args, "--refine-target", "shape", code=1).stderr
-    assert f"{mine} would be replaced, and is what this calibration is made from" in said
+    assert f"{mine} is read here, and would be replaced" in said
     run(*args, "--refine-target", "off")
     assert mine.read_bytes() == TARGET.read_bytes()
 

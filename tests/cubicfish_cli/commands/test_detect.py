@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
-from cubicfish.errors import OutputError
+from cubicfish import Finding, OutputError, load_corners
 from cubicfish.find.detection.grids import FoundGrids
 from cubicfish.find.identification.identified import Decided, GridReport, PhotoReport
-from cubicfish.io.corners_csv import load_corners
 from cubicfish.judge.codes import Code
-from cubicfish.judge.finding import Finding
-from cubicfish.observe.detection import drawings
-from cubicfish.photos.photos import Photo
+from cubicfish.photos import Photo
 from cubicfish.target.target import load_target
+from cubicfish_cli.render.drawings import drawings
 from cubicfish_cli.terminal.figures import lost_word
 
 TARGET = SAMPLE / "target.yaml"

@@ -11,12 +11,11 @@ import pytest
 import yaml
 from running import Run
 
-from cubicfish.errors import FitError
+from cubicfish import FitError, load_camera
 from cubicfish.geometry import inside_polygon
-from cubicfish.io.camera_yaml import load_camera
 from cubicfish_cli.commands.export import FORMATS
 from cubicfish_cli.commands.exporting import _round_up, export_camera, printed
-from cubicfish_cli.extension_table import (
+from cubicfish_cli.extension_guard import (
     camera_formats,
     read_formats,
     written_formats,

@@ -15,9 +15,9 @@ from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film, write_s
 from json_keys import keys_of
 from running import Run
 
+from cubicfish import load_camera
 from cubicfish.files.frame_names import film_and_time
-from cubicfish.io.camera_yaml import load_camera
-from cubicfish_cli.films import frame_search
+from cubicfish.observe import glances
 
 pytestmark = pytest.mark.slow
 
@@ -146,7 +146,7 @@ def test_of_a_run_that_was_interrupted_nothing_is_left(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(frame_search, "_quick_detect", stop)
+        patch.setattr(glances, "_quick_detect", stop)
         run("frames", short, "-o", tmp_path / "p", "-j", 1, code=130)
     assert not (tmp_path / "p").exists()
     killed = tmp_path / "p" / ".unfinished" / "short" / "7.png"
@@ -330,7 +330,7 @@ def test_the_best_of_many_photos_are_taken(
     assert "6 photos of 32 chosen" in said
     assert "6 photos: as many as were asked for" in said
     assert load_camera(out / "camera.yaml").made_by["chosen"].startswith("6 photos: ")
-    from cubicfish.io.corners_csv import load_corners
+    from cubicfish import load_corners
     from cubicfish.target.target import load_target
 
     images = load_corners(out / "corners.csv", load_target(target)).images

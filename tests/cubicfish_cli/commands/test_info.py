@@ -14,10 +14,9 @@ import yaml
 from running import SAMPLE, Run
 from synthetic_lenses import synthetic_lens
 
-from cubicfish.io.camera_yaml import load_camera
+from cubicfish import CubicCamera, load_camera
 from cubicfish.judge.camera_facts import field_seen
 from cubicfish.judge.fit_record import fit_record
-from cubicfish.models.cubic import CubicCamera
 from cubicfish.views.fields import lost_shares
 from cubicfish_cli import save_camera
 from cubicfish_cli.commands.info import CameraInfo

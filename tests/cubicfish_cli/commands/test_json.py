@@ -14,7 +14,7 @@ from json_keys import keys_of
 from lenses import smaller
 from running import SAMPLE, Run
 
-from cubicfish.io.camera_yaml import load_camera
+from cubicfish import load_camera
 from cubicfish_cli import save_camera
 from cubicfish_cli.terminal.terminal import print_json
 

@@ -10,7 +10,7 @@ import yaml
 from running import Run
 from saved_maps import read_map
 
-from cubicfish.io.camera_yaml import load_camera
+from cubicfish import load_camera
 
 
 @pytest.fixture

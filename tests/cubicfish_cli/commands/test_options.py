@@ -21,22 +21,20 @@ from command_tree import commands
 from pairs_csv import write_pairs
 from running import SAMPLE, invoke_cli, run_cli
 
+import cubicfish
+from cubicfish import load_corners
 from cubicfish.find.identification.second_pass import Prediction
 from cubicfish.fit import calibrate as fit
-from cubicfish.io.corners_csv import load_corners
-from cubicfish.observe import detection
+from cubicfish.fit import point_fit
+from cubicfish.observe import detection, glances
 from cubicfish.rigs import alone
-from cubicfish.rigs import calibrate as rig_fit
-from cubicfish.rigs import evaluate as rig_evaluate
 from cubicfish.target.target import load_target
-from cubicfish.views.maps import camera_for_photos
+from cubicfish.views import camera_for_photos
 from cubicfish.workers import cluster, pool
 from cubicfish_cli import CubicfishError, load_camera, save_camera
 from cubicfish_cli.commands import exporting
 from cubicfish_cli.extensions.advice import advise
 from cubicfish_cli.extensions.simulation import simulate
-from cubicfish_cli.films import frame_search
-from cubicfish_cli.foreign import point_fit
 from tests.cubicfish_cli.extensions.rigs.test_export import made_rig
 
 TARGET, ALL_CORNERS = SAMPLE / "target.yaml", SAMPLE / "true_corners.csv"
@@ -392,16 +390,17 @@ def worked_out_once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fit, "calibrate", once(fit.calibrate))
         patch.setattr(alone, "calibrate", once(alone.calibrate))
-        patch.setattr(rig_fit, "calibrate_rig", once(rig_fit.calibrate_rig))
-        patch.setattr(rig_evaluate, "evaluate_rig", once(rig_evaluate.evaluate_rig))
+        patch.setattr(cubicfish, "calibrate_rig", once(cubicfish.calibrate_rig))
+        patch.setattr(cubicfish, "evaluate_rig", once(cubicfish.evaluate_rig))
         patch.setattr(exporting, "to_lens", once(exporting.to_lens))
         patch.setattr(point_fit, "calibrate_points", once(point_fit.calibrate_points))
         patch.setattr(simulate, "chosen_poses", once(simulate.chosen_poses))
         patch.setattr(detection, "name_grids", once(detection.name_grids))
         patch.setattr(detection, "predicted_corners", once(detection.predicted_corners))
         patch.setattr(Prediction, "seen_in", once(Prediction.seen_in))
-        for name in ("quick_detect", "quick_detect_near", "name_quick_detections"):
-            patch.setattr(frame_search, name, once(getattr(frame_search, name)))
+        patch.setattr(glances, "quick_detect", once(glances.quick_detect))
+        patch.setattr(glances, "quick_detect_near", once(glances.quick_detect_near))
+        patch.setattr(glances, "name_grids", once(glances.name_grids))
         yield
 
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
-from cubicfish.io.camera_yaml import load_any_camera
-from cubicfish.io.corners_csv import load_corners
+from cubicfish import load_any_camera, load_corners
 from cubicfish.target.target import load_target
 
 TARGET = SAMPLE / "target.yaml"

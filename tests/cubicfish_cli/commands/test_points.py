@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from running import Run
 
-from cubicfish.io.camera_yaml import load_camera
+from cubicfish import load_camera
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from running import SAMPLE, Run
 
-from cubicfish.fit.calibration import Calibration
+from cubicfish import Calibration
 from cubicfish.target.target import load_target
 from cubicfish_cli import load_corners, save_camera, save_corners
 

@@ -10,10 +10,9 @@ from lenses import smaller
 from running import SAMPLE, Run
 from synthetic import checkerboard
 
+from cubicfish import Target, load_camera, load_corners
 from cubicfish.fit.evaluate import evaluate
-from cubicfish.io.camera_yaml import load_camera
-from cubicfish.io.corners_csv import load_corners
-from cubicfish.target.target import Target, load_target
+from cubicfish.target.target import load_target
 from cubicfish_cli import save_camera, save_target
 from cubicfish_cli.viewpoints.truth import camera_points, load_poses
 

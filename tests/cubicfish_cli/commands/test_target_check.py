@@ -12,7 +12,7 @@ import yaml
 from running import SAMPLE, Run
 from synthetic import box_of_four
 
-from cubicfish.target.target import Target
+from cubicfish import Target
 from cubicfish_cli.terminal import terminal
 from tests.cubicfish_cli.commands.test_main import heavy_modules_after
 

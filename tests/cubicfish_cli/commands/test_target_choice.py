@@ -9,8 +9,7 @@ import pytest
 import yaml
 from running import SAMPLE, Run
 
-from cubicfish.errors import TargetError
-from cubicfish.io.corners_csv import load_corners
+from cubicfish import TargetError, load_corners
 from cubicfish_cli.inputs.target_source import colourings, target_in
 
 CORNERS = SAMPLE / "true_corners.csv"

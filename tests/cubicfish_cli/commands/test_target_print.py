@@ -12,10 +12,10 @@ from looking import look_at
 from running import SAMPLE, Run
 from synthetic import IMAGE_SIZE, TRUE_LENS, rays_in_cone
 
+from cubicfish import load_camera
 from cubicfish.comparison import aligned_difference
 from cubicfish.find.detection.finder import find_grids
-from cubicfish.io.camera_yaml import load_camera
-from cubicfish.target.boards.board import Board
+from cubicfish.target import Board
 from cubicfish.target.target import load_target
 from cubicfish_cli.extensions.printing.command import PrintOptions
 from cubicfish_cli.extensions.printing.layout import (

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from running import SAMPLE, Run
 from terminals import Screen, on_terminal, unstyled, visible, widest
 
-from cubicfish.judge.fit_record import DroppedCorner, ErrorStatistics, PhotoRecord
+from cubicfish.judge import PhotoRecord
+from cubicfish.judge.fit_record import DroppedCorner, ErrorStatistics
 from cubicfish_cli.terminal.figures import PhotoRow, fitted_rows, print_photo_table
 from cubicfish_cli.terminal.terminal import (
     print_json,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
-from cubicfish.photos.photos import read_picture
+from cubicfish import read_picture
 from cubicfish.target.target import load_target
 
 TARGET = SAMPLE / "target.yaml"

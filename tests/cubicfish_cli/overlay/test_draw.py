@@ -6,11 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
+from cubicfish import Finding, Observations
 from cubicfish.find.detection.grids import FoundGrids, Grid
 from cubicfish.find.identification.identified import Decided, GridReport, PhotoReport, Place
 from cubicfish.judge.codes import Code
-from cubicfish.judge.finding import Finding
-from cubicfish.target.observations import Observations
 from cubicfish_cli.render.overlay import BOARD_COLOURS, LEFT_OUT, _Canvas, draw_found
 
 STEP = 50.0

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from synthetic import lens_of_size
 
-from cubicfish.errors import PhotoError, ViewError
-from cubicfish.listener import SILENT, Listener
-from cubicfish.run import Run
-from cubicfish.views.maps import build_map
-from cubicfish.views.view import CentralView
+from cubicfish import Listener, PhotoError, Run, ViewError, build_map
+from cubicfish.listener import SILENT
+from cubicfish.views import CentralView
 from cubicfish_cli.undistortion.batch import Job, write_many, write_one
 from cubicfish_cli.undistortion.images import remap_picture
 

@@ -9,9 +9,8 @@ from lenses import cubic_camera
 from saved_maps import every_pixel
 from synthetic import TRUE_LENS
 
-from cubicfish.errors import UsageError, ViewError
-from cubicfish.views.maps import build_map
-from cubicfish.views.view import CentralView
+from cubicfish import UsageError, ViewError, build_map
+from cubicfish.views import CentralView
 from cubicfish_cli.undistortion.choose import build_view, chosen_view
 from cubicfish_cli.undistortion.options import ViewOptions
 

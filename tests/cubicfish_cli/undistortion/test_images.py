@@ -6,10 +6,9 @@ import pytest
 from lenses import cubic_camera
 from synthetic import lens_of_size
 
-from cubicfish.errors import OutputError, ViewError
-from cubicfish.photos.photos import decode_picture, read_picture
-from cubicfish.views.maps import build_map
-from cubicfish.views.view import CentralView
+from cubicfish import OutputError, ViewError, build_map, read_picture
+from cubicfish.photos.photos import decode_picture
+from cubicfish.views import CentralView
 from cubicfish_cli.undistortion import batch, images
 from cubicfish_cli.undistortion.batch import Job, Views, write_one
 from cubicfish_cli.undistortion.choose import ChosenView

@@ -13,10 +13,10 @@ import pytest
 from lenses import cubic_camera
 from saved_maps import read_map
 
-from cubicfish.errors import OutputError, UsageError, ViewError
-from cubicfish.files.whole_files import write_files
-from cubicfish.views.maps import UndistortMap, build_map, camera_for_photos
-from cubicfish.views.view import MAX_SIDE, CentralView, rotation_from_angles
+from cubicfish import OutputError, UndistortMap, UsageError, ViewError, build_map
+from cubicfish.files import write_files
+from cubicfish.views import CentralView, camera_for_photos
+from cubicfish.views.view import MAX_SIDE, rotation_from_angles
 from cubicfish_cli.undistortion import map_formats
 from cubicfish_cli.undistortion.map_formats import (
     MapInBands,

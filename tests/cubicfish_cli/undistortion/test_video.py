@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from lenses import cubic_camera
 
-from cubicfish.errors import OutputError, PhotoError, ViewError
-from cubicfish.listener import SILENT, Count, Listener
-from cubicfish.views.maps import build_map, camera_for_photos
-from cubicfish.views.view import CentralView, rotation_from_angles
+from cubicfish import Listener, OutputError, PhotoError, ViewError, build_map
+from cubicfish.listener import SILENT, Count
+from cubicfish.views import CentralView, camera_for_photos
+from cubicfish.views.view import rotation_from_angles
 from cubicfish_cli.films import source as source_of_frames
 from cubicfish_cli.undistortion.batch import Job
 from cubicfish_cli.undistortion.images import remap_picture

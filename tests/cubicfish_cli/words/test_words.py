@@ -10,10 +10,10 @@ import pytest
 
 import cubicfish
 import cubicfish_cli
-from cubicfish.errors import PhotoError
-from cubicfish.judge.codes import Code, Remedy, Severity
-from cubicfish.judge.finding import Finding, level_of, of_record
-from cubicfish.listener import Event
+from cubicfish import Event, Finding, PhotoError
+from cubicfish.judge import Severity
+from cubicfish.judge.codes import Code, Remedy
+from cubicfish.judge.finding import level_of, of_record
 from cubicfish_cli.words.camera import photo_words
 from cubicfish_cli.words.catalogue import catalogue
 from cubicfish_cli.words.phrases import Sentences, percent

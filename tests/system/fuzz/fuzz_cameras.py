@@ -6,13 +6,11 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+from cubicfish import Calibration, CubicCamera, load_corners
 from cubicfish.fit.calibrate import calibrate
-from cubicfish.fit.calibration import Calibration
+from cubicfish.fit.point_fit import calibrate_points
 from cubicfish.io.camera_yaml import camera_text
-from cubicfish.io.corners_csv import load_corners
-from cubicfish.models.cubic import CubicCamera
 from cubicfish.target.target import load_target
-from cubicfish_cli.foreign.point_fit import calibrate_points
 
 SAMPLE = Path(__file__).parents[3] / "sample_data"
 

@@ -12,11 +12,11 @@ import numpy as np
 from fuzz_cameras import camera
 from fuzz_foreign import RAYS
 
-from cubicfish_cli.extension_table import read_formats
+from cubicfish.fit.to_lens import to_lens
+from cubicfish_cli.extension_guard import read_formats
 from cubicfish_cli.extensions.formats.colmap_cameras import MODELS as COLMAP_MODELS
 from cubicfish_cli.foreign.file_contents import PlacedLens
 from cubicfish_cli.foreign.foreign_files import read_foreign
-from cubicfish_cli.foreign.to_lens import to_lens
 
 SIZE = (640, 480)
 K = np.array([[300.0, 0, 320.5], [0, 301.5, 239], [0, 0, 1]])

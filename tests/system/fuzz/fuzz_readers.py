@@ -11,9 +11,8 @@ import fuzz_foreign as foreign
 import fuzz_lenses as lenses
 import numpy as np
 
-from cubicfish.errors import CubicfishError
-from cubicfish.io.camera_yaml import load_any_camera
-from cubicfish.io.corners_csv import load_corners, load_correspondences
+from cubicfish import CubicfishError, load_any_camera, load_corners
+from cubicfish.io.corners_csv import load_correspondences
 from cubicfish.photos.photos import decode_picture, photo_size, read_file
 from cubicfish.target.target import load_target
 from cubicfish_cli.commands.points import read_points

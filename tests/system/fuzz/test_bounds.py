@@ -12,7 +12,7 @@ import pytest
 from fuzz_readers import READERS
 
 import cubicfish_cli
-from cubicfish.errors import CubicfishError
+from cubicfish import CubicfishError
 from cubicfish.files import plain_yaml, reading, tables
 from cubicfish_cli.extensions.formats import vnlog
 from cubicfish_cli.extensions.formats.nerfstudio_json import read_nerfstudio

@@ -192,7 +192,7 @@ MUTATIONS = tuple(
             "cubicfish/fit/test_uncertainty",
         ),
         (
-            "cubicfish_cli/extensions/advice/information.py",
+            "cubicfish/sufficiency/knowledge.py",
             "hessian[lens, lens] += by_lens.T @ by_lens - cross",
             "hessian[lens, lens] += by_lens.T @ by_lens + cross",
             "cubicfish_cli/extensions/advice/test_advice",

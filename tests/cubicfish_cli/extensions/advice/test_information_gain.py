@@ -7,7 +7,7 @@ import pytest
 from simulated import simulated_corners
 from synthetic import flat_board, lens_of_size, poses_around
 
-from cubicfish.errors import FitError
+from cubicfish import FitError
 from cubicfish.models.radial import project_jacobian
 from cubicfish.solve.poses import cross_matrix
 from cubicfish.sufficiency.information_gain import InformationGain, _compute_information

@@ -12,7 +12,7 @@ pytest.importorskip("av")
 import av
 from filming import RATE, write_film
 
-from cubicfish.errors import PhotoError
+from cubicfish import PhotoError
 from cubicfish_cli.films.scan import Measured, scan
 from cubicfish_cli.films.source import decode, frames, open_films, opened, time_after
 

@@ -18,7 +18,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 from running import run_cli
 
-from cubicfish.errors import CubicfishError, PhotoError
+from cubicfish import CubicfishError, PhotoError
 from cubicfish.run import RUN
 from cubicfish_cli.films.recordings import Recording
 from cubicfish_cli.inputs.paths import check_inputs, file_and_topic, is_recording

@@ -11,16 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lenses import cubic_camera, random_rays
 
-from cubicfish.errors import CameraFileError, OutputError
-from cubicfish.io.camera_yaml import (
-    CameraFile,
-    PointCameraFile,
-    camera_text,
-    load_any_camera,
-    load_camera,
-)
-from cubicfish.judge.fit_record import FitRecord, fit_record
-from cubicfish.models.point import PointCamera
+from cubicfish import CameraFile, CameraFileError, OutputError, load_any_camera, load_camera
+from cubicfish.io.camera_yaml import PointCameraFile, camera_text
+from cubicfish.judge import FitRecord
+from cubicfish.judge.fit_record import fit_record
+from cubicfish.models import PointCamera
 from cubicfish_cli import save_camera
 
 FIT = {"rms_px": 0.1, "per_image": [{"image": "ä b.png", "corners": 3}], "held_out_rms_px": None}

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from lenses import cubic_camera, radial_camera
 
-from cubicfish.errors import CameraFileError
-from cubicfish.models.radial import RadialCamera
+from cubicfish import CameraFileError
+from cubicfish.fit.from_lens import from_lens
+from cubicfish.fit.to_lens import to_lens
+from cubicfish.models import RadialCamera
 from cubicfish_cli.extensions.formats.colmap_cameras import (
     MODELS,
     RadTanThinPrismLens,
@@ -18,8 +20,6 @@ from cubicfish_cli.extensions.formats.colmap_cameras import (
 )
 from cubicfish_cli.foreign.file_contents import PlacedLens
 from cubicfish_cli.foreign.foreign_files import sniffed
-from cubicfish_cli.foreign.from_lens import from_lens
-from cubicfish_cli.foreign.to_lens import to_lens
 
 SIZE = (640, 480)
 # Some of each parameter that is not 0: pixels of lenses that look like lenses.

@@ -7,6 +7,7 @@ import pytest
 from lenses import cubic_camera, radial_camera, random_rays
 
 from cubicfish.angles import angle_from_axis, unit_rays
+from cubicfish.fit.to_lens import lens_near
 from cubicfish.solve.fit_lens import FreeLens, nearest_lens
 from cubicfish_cli.extensions.formats.colmap_cameras import RadTanThinPrismLens
 from cubicfish_cli.extensions.formats.lenses import DoubleSphereLens, PinholeLens, UnifiedLens
@@ -148,7 +149,7 @@ def test_a_lens_is_found_again_from_its_pixels(kind):
 def test_nearest_to_a_camera(kind):
     camera = cubic_camera(50, bend=0.0)
     rays = random_rays(45, 2000)
-    lens = kind.nearest_to(camera, rays, camera.project(rays))
+    lens = lens_near(kind, camera, rays, camera.project(rays))
     away = np.linalg.norm(lens.project(rays) - camera.project(rays), axis=1)
     assert np.sqrt(np.mean(away**2)) < 0.012 * min(camera.image_size)
     for name, (least, most) in lens.limits.items():
@@ -164,7 +165,7 @@ def test_what_other_tools_refuse_is_not_written():
     starts = DoubleSphereLens.starts(RADIAL, np.deg2rad(60))
     assert nearest_lens(starts, rays, pixel).alpha == pytest.approx(-0.1, abs=1e-4)
     seen = replace(cubic_camera(60, bend=0.0), radial=RADIAL)
-    found = DoubleSphereLens.nearest_to(seen, rays, pixel)
+    found = lens_near(DoubleSphereLens, seen, rays, pixel)
     assert found.alpha == 0
     away = np.linalg.norm(found.project(rays) - pixel, axis=1).max()
     clipped = np.linalg.norm(replace(wanted, alpha=0.0).project(rays) - pixel, axis=1).max()

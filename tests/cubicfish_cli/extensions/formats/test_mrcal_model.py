@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cubicfish.errors import CameraFileError
+from cubicfish import CameraFileError
 from cubicfish_cli.extensions.formats.mrcal_model import mrcal_text, read_mrcal
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
 from cubicfish_cli.foreign.file_contents import PlacedLens

@@ -7,7 +7,7 @@ import pytest
 from lenses import cubic_camera, random_rays
 from mrcal_itself import ask_mrcal, needs_mrcal
 
-from cubicfish.models.cubic import CubicCamera
+from cubicfish import CubicCamera
 from cubicfish.models.sphere import cone_rays
 from cubicfish_cli.extensions.formats.mrcal_model import mrcal_text, read_mrcal
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lenses import cubic_camera
 
-from cubicfish.errors import CameraFileError
+from cubicfish import CameraFileError
 from cubicfish.models.sphere import cone_rays
 from cubicfish_cli.extensions.formats.ocamcalib import (
     ScaramuzzaLens,

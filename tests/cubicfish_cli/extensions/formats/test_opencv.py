@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cubicfish.errors import CameraFileError
+from cubicfish import CameraFileError
 from cubicfish_cli.extensions.formats.opencv_cameras import read_file_storage, read_opencv
 from cubicfish_cli.foreign.foreign_files import read_foreign, sniffed
 

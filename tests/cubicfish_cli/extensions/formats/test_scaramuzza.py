@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from lenses import cubic_camera
 
-from cubicfish.models.cubic import CubicCamera
+from cubicfish.fit.to_lens import to_lens
 from cubicfish.models.sphere import cone_rays
+from cubicfish_cli import CubicCamera
 from cubicfish_cli.extensions.formats import ocamcalib
 from cubicfish_cli.extensions.formats.ocamcalib import ScaramuzzaLens
-from cubicfish_cli.foreign.to_lens import to_lens
 
 SIZE = (960, 720)
 LENS = ScaramuzzaLens(

@@ -9,10 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import TRUE_LENS, corner_of_three, flat_board, poses_around, synthetic_corners
 
-from cubicfish.errors import CorrespondenceError
-from cubicfish.io.corners_csv import load_corners, save_corners
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target, target_text
+from cubicfish import CorrespondenceError, Observations, Target, load_corners, save_corners
+from cubicfish.target.target import target_text
 from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
 
 SIZE = TRUE_LENS.image_size

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cubicfish.target.target import Target
+from cubicfish import Target
 from cubicfish_cli.extensions.printing.command import _TYPES
 from cubicfish_cli.extensions.printing.designs import DESIGNS
 from cubicfish_cli.render.board_faces import board_face

@@ -19,13 +19,10 @@ from running import SAMPLE, run_cli
 
 pytest.importorskip("jinja2")
 
-from cubicfish.fit.calibration import Calibration
-from cubicfish.io.camera_yaml import CameraFile
-from cubicfish.io.corners_csv import load_corners
+from cubicfish import Calibration, CameraFile, Observations, Target, load_corners
 from cubicfish.judge.fit_record import fit_record
 from cubicfish.solve.statistics import rms_px
-from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target, load_target
+from cubicfish.target.target import load_target
 from cubicfish_cli.extensions.report.page import report_html
 from cubicfish_cli.inputs.calibration_facts import Facts, gather, matched
 from cubicfish_cli.render.pages.figures import upright

@@ -16,10 +16,9 @@ from simulated import CornerErrors
 from simulated_rig import corner_target, simulated_rig
 from synthetic_lenses import synthetic_lens
 
-from cubicfish.errors import CameraFileError
-from cubicfish.io.camera_yaml import load_camera
+from cubicfish import CameraFileError, Rig, load_camera
 from cubicfish.models.lift import lift_rotation
-from cubicfish.rigs.rig import ErrorsInRig, Rig
+from cubicfish.rigs.rig import ErrorsInRig
 from cubicfish_cli import (
     RigEvaluateOptions,
     RigOptions,

@@ -20,8 +20,7 @@ from running import Run
 from simulated_rig import combined, corner_target
 from synthetic_lenses import synthetic_lens
 
-from cubicfish.errors import DetectionError
-from cubicfish.listener import Event
+from cubicfish import DetectionError, Event
 from cubicfish.rigs.shots import time_of
 from cubicfish_cli import save_target
 from cubicfish_cli.extensions.rigs import films as rig_films

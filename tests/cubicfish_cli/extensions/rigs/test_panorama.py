@@ -9,14 +9,11 @@ import pytest
 from saved_maps import every_pixel
 from scipy.spatial.transform import Rotation
 
+from cubicfish import CameraFileError, CubicCamera, ViewError, load_camera
 from cubicfish.comparison import aligned_difference
-from cubicfish.errors import CameraFileError, ViewError
-from cubicfish.io.camera_yaml import load_camera
-from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.sphere import cone_rays
-from cubicfish.rigs.rig import RigCamera
-from cubicfish.views.maps import camera_for_photos
-from cubicfish.views.view import CentralView
+from cubicfish.rigs import RigCamera
+from cubicfish.views import CentralView, camera_for_photos
 from cubicfish_cli import stitch
 from cubicfish_cli.extensions.rigs.panorama import Body, build_panorama, edge_distance
 from cubicfish_cli.viewpoints.truth import rotation_matrix

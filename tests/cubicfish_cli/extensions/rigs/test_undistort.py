@@ -10,7 +10,7 @@ import pytest
 from json_keys import keys_of
 from running import Run
 
-from cubicfish.views.maps import camera_for_photos
+from cubicfish.views import camera_for_photos
 from cubicfish_cli import load_rig
 from tests.cubicfish_cli.extensions.rigs.test_export import made_rig
 

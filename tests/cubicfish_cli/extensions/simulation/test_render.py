@@ -15,8 +15,7 @@ from synthetic import (
     poses_around,
 )
 
-from cubicfish.errors import TargetError
-from cubicfish.target.target import Target
+from cubicfish import Target, TargetError
 from cubicfish_cli.extensions.simulation import simulate as rendering
 from cubicfish_cli.extensions.simulation.simulate import render
 from cubicfish_cli.viewpoints.truth import (

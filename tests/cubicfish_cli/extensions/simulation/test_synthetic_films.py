@@ -11,7 +11,7 @@ pytest.importorskip("av")
 
 from synthetic_films import Film, FilmOptions, HandPath
 
-from cubicfish.target.target import Target
+from cubicfish import Target
 from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses, simulated_photos
 from cubicfish_cli.viewpoints.truth import rotation_matrix

@@ -15,9 +15,8 @@ from synthetic import (
     flat_board,
 )
 
-from cubicfish.errors import TargetError
+from cubicfish import Target, TargetError
 from cubicfish.target.boards.shape import BoardShape
-from cubicfish.target.target import Target
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses
 from cubicfish_cli.viewpoints.truth import camera_points, rotation_matrix
 from cubicfish_cli.viewpoints.views import choose_views, sample_views, view_from

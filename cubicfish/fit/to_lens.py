@@ -2,22 +2,23 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish.angles import angle_from_axis
-from cubicfish.comparison import pixel_grid, rings
 from cubicfish.errors import FitError
+from cubicfish.geometry import pixel_grid
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.lens import Lens
 from cubicfish.models.radial import RadialCamera
 from cubicfish.solve.fit_lens import FreeLens, nearest_lens
 from cubicfish.solve.poses import cross_matrix
-from cubicfish.solve.statistics import rms_px
+from cubicfish.solve.statistics import rings, rms_px
 from cubicfish.types import FloatArray
-from cubicfish_cli.foreign.foreign_lens import ForeignLens
+
+L = TypeVar("L", bound=Lens)
 
 _FIT_PIXELS = 6_000
 _ERROR_PIXELS = 40_000
@@ -107,10 +108,7 @@ def to_lens(
     turn = np.eye(3)
     if model.symmetric:
         turn = symmetric_frame(camera, rays, pixel)
-    if issubclass(model, ForeignLens):
-        lens: Lens = model.nearest_to(camera, rays @ turn.T, pixel)
-    else:
-        lens = nearest_lens([camera.radial], rays @ turn.T, pixel)
+    lens = lens_near(model, camera, rays @ turn.T, pixel)
     error = conversion_error(
         camera,
         lens,
@@ -120,6 +118,33 @@ def to_lens(
         every_way=True,
     )
     return Conversion(lens=lens, error=error, lens_from_camera=turn)
+
+
+def lens_near(model: type[L], camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> L:
+    """The lens of a model nearest to a camera, least squares in pixels, within the model's limits.
+
+    Args:
+        model: which.
+        camera: the camera.
+        rays: (N, 3) unit rays of its field, in the lens's frame.
+        pixel: (N, 2) where the camera sees them.
+
+    Raises:
+        FitError: no lens of the model is near.
+
+    """
+    own = model.nearest_to(camera, rays, pixel)
+    if own is not None:
+        return own
+    starts = model.starts(camera.radial, float(angle_from_axis(rays).max()))
+    found, fixed = nearest_lens(starts, rays, pixel, fixed=model.unwritten), model.unwritten
+    for name, (least, most) in model.limits.items():
+        index, moved = found.parameter_names.index(name), found.parameters
+        moved[index] = np.clip(moved[index], least, most)
+        if moved[index] != found.parameters[index]:
+            fixed = (*fixed, name)
+            found = nearest_lens([found.with_parameters(moved)], rays, pixel, fixed=fixed)
+    return found
 
 
 def symmetric_frame(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> FloatArray:
@@ -212,7 +237,8 @@ def _sample_field(
         good[good] = angle_from_axis(rays[good]) <= np.deg2rad(max_angle_deg)
     if good.sum() < _FEWEST:
         raise FitError(
-            "too little of the photo lies within that angle of the axis: choose a larger "
-            "--max-angle"
+            "too little of the photo lies within that angle of the axis",
+            do="choose a larger {max_angle_deg}",
+            arguments={"max_angle_deg": "max_angle_deg"},
         )
     return rays[good], pixel[good]

@@ -1,21 +1,21 @@
-"""What all lens models of other tools share.
+"""Lenses that are given by a formula, as other tools' models are.
 
 A model is a frozen dataclass whose fields, beside the photo's size, are its parameters; fields
 marked by :data:`FIXED` are carried along and never fitted. A model has a ``name``, a ``label``,
-:meth:`ForeignLens.starts` and its formula, :meth:`Lens.pixels`. Everything else, derivatives too,
+:meth:`FormulaLens.starts` and its formula, :meth:`Lens.pixels`. Everything else, derivatives too,
 follows from these.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish.angles import angle_from_axis, unit_rays
-from cubicfish.models.cubic import UNPROJECT_TOLERANCE_PX, CubicCamera
+from cubicfish.models.cubic import UNPROJECT_TOLERANCE_PX
 from cubicfish.models.lens import Lens
 from cubicfish.models.radial import RadialCamera
 from cubicfish.models.sphere import (
@@ -25,7 +25,6 @@ from cubicfish.models.sphere import (
     rays_of_pixels,
     tangent_basis,
 )
-from cubicfish.solve.fit_lens import nearest_lens
 from cubicfish.types import FloatArray
 
 FIXED: Mapping[str, Any] = {"fixed": True}
@@ -40,22 +39,8 @@ _PIXELS = ("fx", "fy", "cx", "cy", "skew")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ForeignLens(Lens):
-    """A lens of another tool's model."""
-
-    unwritten: ClassVar[tuple[str, ...]] = ()
-    """Parameters that other tools' files lack: :meth:`nearest_to` does not fit them."""
-
-    @classmethod
-    def starts(cls, radial: RadialCamera, covered: float) -> Sequence[Self]:
-        """Return lenses roughly like a radial one, from which least squares finds the nearest.
-
-        Args:
-            radial: a radial lens.
-            covered: angle from the axis up to which the two should agree, radians.
-
-        """
-        raise NotImplementedError
+class FormulaLens(Lens):
+    """A lens whose fields are its parameters."""
 
     def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`Lens`: by differences."""
@@ -83,29 +68,6 @@ class ForeignLens(Lens):
     def sees(self, points: FloatArray) -> npt.NDArray[np.bool_]:
         """Return whether the model's pixels of points (N, 3) are meant, (N,) bool."""
         return np.ones(len(points), bool)
-
-    @classmethod
-    def nearest_to(cls, camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> Self:
-        """Return the lens nearest to a camera, least squares in pixels.
-
-        Args:
-            camera: the camera.
-            rays: (N, 3) unit rays of its field, in the lens's frame.
-            pixel: (N, 2) where the camera sees them.
-
-        Raises:
-            FitError: no lens of the model is near.
-
-        """
-        starts = cls.starts(camera.radial, float(angle_from_axis(rays).max()))
-        found, fixed = nearest_lens(starts, rays, pixel, fixed=cls.unwritten), cls.unwritten
-        for name, (least, most) in cls.limits.items():
-            index, moved = found.parameter_names.index(name), found.parameters
-            moved[index] = np.clip(moved[index], least, most)
-            if moved[index] != found.parameters[index]:
-                fixed = (*fixed, name)
-                found = nearest_lens([found.with_parameters(moved)], rays, pixel, fixed=fixed)
-        return found
 
     @classmethod
     def _list_keys(cls) -> list[str]:
@@ -182,7 +144,7 @@ class ForeignLens(Lens):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FocalLens(ForeignLens):
+class FocalLens(FormulaLens):
     """A lens of focal lengths and a principal point, and other parameters after them.
 
     Attributes:

@@ -8,6 +8,7 @@ import numpy as np
 from cubicfish.angles import angle_from_axis
 from cubicfish.errors import FitError
 from cubicfish.fit.nearest_cubic import linear_cubic, refined_cubic
+from cubicfish.fit.to_lens import ConversionError, conversion_error
 from cubicfish.geometry import inside_polygon
 from cubicfish.models.cubic import CubicCamera, pole_or_fold_deg
 from cubicfish.models.lens import Lens
@@ -15,7 +16,6 @@ from cubicfish.models.radial import RadialCamera
 from cubicfish.models.sphere import cone_rays, ray_at
 from cubicfish.solve.fit_lens import nearest_lens
 from cubicfish.types import FloatArray
-from cubicfish_cli.foreign.to_lens import ConversionError, conversion_error
 
 _RAYS = 4000
 _AZIMUTHS = 72
@@ -93,8 +93,9 @@ def from_lens(lens: Lens, *, max_angle_deg: float = LARGEST_FIELD_DEG) -> Import
             break
     if best is None:
         raise FitError(
-            f"no sound cubic camera is near this lens up to {widest:.0f}° from its axis: choose a "
-            "smaller --max-angle, up to where the lens was calibrated"
+            f"no sound cubic camera is near this lens up to {widest:.0f}° from its axis",
+            do="choose a smaller {max_angle_deg}, up to where the lens was calibrated",
+            arguments={"max_angle_deg": "max_angle_deg"},
         )
     return best
 

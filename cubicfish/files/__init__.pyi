@@ -1,0 +1,10 @@
+"""The names that this package offers: `lazy.py` reads them too."""
+
+from cubicfish.files.reading import read_bytes as read_bytes
+from cubicfish.files.reading import read_text as read_text
+from cubicfish.files.tables import csv_text as csv_text
+from cubicfish.files.whole_files import Content as Content
+from cubicfish.files.whole_files import StrPath as StrPath
+from cubicfish.files.whole_files import refuse_existing as refuse_existing
+from cubicfish.files.whole_files import whole_file as whole_file
+from cubicfish.files.whole_files import write_files as write_files

@@ -1,0 +1,1 @@
+"""The names that this package offers: `lazy.py` reads them too."""

@@ -1,0 +1,5 @@
+"""The names that this package offers: `lazy.py` reads them too."""
+
+from cubicfish.models.lens import Lens as Lens
+from cubicfish.models.point import PointCamera as PointCamera
+from cubicfish.models.radial import RadialCamera as RadialCamera
