@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -259,7 +260,7 @@ def measure_growth(cameras: list[int], shots: list[int], field_deg: float) -> No
 
 def halved(
     of: str, timed: bool
-) -> tuple[dict[str, Observations], Target, dict[str, dict[str, float]] | None]:
+) -> tuple[dict[str, Observations], Target, Mapping[str, Mapping[str, float]] | None]:
     """Corners of a rig's cameras by name, their target, and when photos were taken."""
     if of == "triggered":
         setup = replace(SETUPS["stereo"], shots=40)

@@ -84,6 +84,3 @@ class Listener:
         """What is called with words and the share done of a step, which begins now."""
         self.progress(step)
         return lambda words, share: self.progress(step, share, 1, words)
-
-
-SILENT = Listener()

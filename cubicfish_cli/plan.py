@@ -12,9 +12,9 @@ from glob import has_magic
 from pathlib import Path
 from typing import Self
 
-from cubicfish.errors import OutputError
-from cubicfish.files.whole_files import refuse_existing, refuse_outside, temporary_name
-from cubicfish.run import Run
+from cubicfish import OutputError, Run
+from cubicfish.files import refuse_existing
+from cubicfish.files.whole_files import refuse_outside, temporary_name
 from cubicfish_cli.inputs.paths import RECORDING_SUFFIXES, file_and_topic
 from cubicfish_cli.inputs.target_source import TargetSource
 

@@ -11,7 +11,7 @@ from cubicfish.diagnosis.diagnose import find_faults
 from cubicfish.errors import FitError
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.calibration import Calibration
-from cubicfish.fit.cubic_fit import fit_cubic, with_prior
+from cubicfish.fit.cubic_fit import fit_cubic
 from cubicfish.fit.evaluate import Evaluation, evaluate
 from cubicfish.fit.lenses import CubicFit
 from cubicfish.fit.model_selection import RefineTarget
@@ -179,7 +179,7 @@ def _free_lens(alone: Alone, found: Calibration) -> Alone:
     reference = radial_near(alone.camera.radial, alone.pairs, alone.poses)
     result = fit_cubic(reference, found.prior, relative_decrease=_ROUGH_DECREASE)
     runners_up = [
-        (with_prior(result.lens, reference, prior, result.errors), likely)
+        (prior.apply(result.lens, reference, result.errors), likely)
         for prior, likely in found.runners_up.items()
     ]
     return replace(

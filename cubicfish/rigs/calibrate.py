@@ -14,7 +14,7 @@ from cubicfish.find.identification.identified import Detection
 from cubicfish.fit.model_selection import RefineTarget
 from cubicfish.io.camera_yaml import Calibrated
 from cubicfish.judge.codes import Severity
-from cubicfish.listener import SILENT, Listener
+from cubicfish.listener import Listener
 from cubicfish.rigs.alone import Alone, CommonWorld, calibrate_alone
 from cubicfish.rigs.faults import Moved, RigEvidence, moved_camera
 from cubicfish.rigs.fitted_rig import rig_of
@@ -47,7 +47,7 @@ def calibrate_rig(
     known: Mapping[str, Calibrated] | None = None,
     hold_lenses: bool = False,
     refine_target: RefineTarget = "auto",
-    listener: Listener = SILENT,
+    listener: Listener = Listener(),
 ) -> Rig:
     """Fit the lenses of several cameras on one body, and how the cameras stand to each other.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath
 
 from cubicfish.errors import CorrespondenceError, FitError
-from cubicfish.files.frame_names import film_and_time
+from cubicfish.files.frame_names import FrameName
 from cubicfish.files.tables import read_table
 from cubicfish.wording import quoted
 
@@ -256,7 +256,7 @@ def time_of(photo: str) -> float | None:
     A frame of a film has it, and so have names that hold a time since 1970 (in seconds, or
     whole milliseconds, microseconds or nanoseconds), or nothing but a number with a point.
     """
-    frame = film_and_time(photo)
+    frame = FrameName.read(photo)
     if frame is not None:
         return frame[1]
     path = PurePath(photo)

@@ -14,8 +14,6 @@ import click
 
 from cubicfish import CubicfishError, Event, Run, UsageError
 from cubicfish.files import Content, StrPath, write_files
-from cubicfish.run import RUN, made_at, made_by_record
-from cubicfish.wording import plural
 from cubicfish_cli.core_table import CALIBRATION_FILES, FRAMES
 from cubicfish_cli.extension_guard import Place, extensions
 from cubicfish_cli.films import MOST
@@ -41,7 +39,7 @@ from cubicfish_cli.terminal.terminal import (
     print_wrote,
     result,
 )
-from cubicfish_cli.words.phrases import counted
+from cubicfish_cli.words.phrases import counted, plural
 
 if TYPE_CHECKING:
     from cubicfish import Calibration, CubicCamera, Observations, Target, Verdict
@@ -174,7 +172,7 @@ class CalibratedFiles:
         }
 
 
-def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedFiles:
+def calibrate_files(options: CalibrateOptions, *, run: Run = Run()) -> CalibratedFiles:
     """Calibrate a camera from files into a folder, as ``cubicfish calibrate`` does.
 
     Everything is written together at the end, or nothing is, but for frames of films.
@@ -194,7 +192,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
         raise UsageError("--refine-target does not go with 2D-3D pairs, which have no target")
     if options.most is not None and (pairs is not None or tables_among(paths)):
         raise UsageError("--most goes with photos and films, not with CSV files")
-    made_at()  # an unusable date is an error before the work, not after
+    run.date()  # an unusable date is an error before the work, not after
     from cubicfish_cli.observe import load_inputs, recorded_as
     from cubicfish_cli.words.sufficiency import summary
 
@@ -246,7 +244,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
         fitted = calibrate(loaded.given, **how, listener=run.listener)
         loaded = loaded.named_by(fitted)
     named = {} if options.title is None else {"title": options.title}
-    made_by = {**named, **made_by_record(run.command, how, loaded.target_file, loaded.files)}
+    made_by = {**named, **run.made_by(how, loaded.target_file, loaded.files)}
     chosen = loaded.chosen or chosen
     if chosen is not None:
         made_by["chosen"] = chosen

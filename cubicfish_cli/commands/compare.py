@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run, UsageError
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
 from cubicfish_cli.inputs.paths import in_folder, path_or_none
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
@@ -64,7 +63,7 @@ class ComparedFiles:
         return {**self.comparison.as_record(), **drawn}
 
 
-def compare_files(options: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
+def compare_files(options: CompareOptions, *, run: Run = Run()) -> ComparedFiles:
     """Measure how far apart two cameras see the same rays, as ``cubicfish compare`` does.
 
     Raises:

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
-from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import named_photos, paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.plan import Plan
@@ -18,6 +16,7 @@ from cubicfish_cli.terminal import figures, parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record, target_options
 from cubicfish_cli.terminal.progress import How, report_found
 from cubicfish_cli.terminal.terminal import print_message, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Detection, Target
@@ -88,7 +87,7 @@ class DetectedFiles:
         }
 
 
-def detect_files(options: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
+def detect_files(options: DetectOptions, *, run: Run = Run()) -> DetectedFiles:
     """Find the corners of a target in photos and write them, as ``cubicfish detect`` does.
 
     Raises:

@@ -10,7 +10,6 @@ import click
 
 from cubicfish import Run, UsageError
 from cubicfish.files import StrPath, write_files
-from cubicfish.run import RUN
 from cubicfish_cli.extension_guard import written_formats
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.plan import Plan
@@ -108,7 +107,7 @@ class ExportedFiles:
         return self.record
 
 
-def export_files(options: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
+def export_files(options: ExportOptions, *, run: Run = Run()) -> ExportedFiles:
     """Write a camera for another tool, as ``cubicfish export`` does.
 
     Raises:

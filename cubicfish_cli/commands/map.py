@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run
 from cubicfish.files import StrPath, write_files
-from cubicfish.run import RUN
 from cubicfish_cli.commands.view_options import report_unseen, view_options
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.plan import Plan
@@ -107,7 +106,7 @@ class MapFiles:
         }
 
 
-def map_files(options: MapOptions, *, run: Run = RUN) -> MapFiles:
+def map_files(options: MapOptions, *, run: Run = Run()) -> MapFiles:
     """Write the map of a camera, and the view's own camera, as ``cubicfish map`` does.
 
     Raises:

@@ -8,17 +8,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish import CubicfishError, Run, UsageError, ViewError
+from cubicfish import CubicfishError, Listener, Run, UsageError, ViewError, shown
 from cubicfish.files import Content, write_files
-from cubicfish.listener import SILENT
-from cubicfish.photos import shown
 from cubicfish.photos.photos import SUFFIXES, VIDEO_SUFFIXES
-from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.undistortion.batch import Job, Views, write_many
 from cubicfish_cli.undistortion.choose import ChosenView
 from cubicfish_cli.undistortion.images import check_suffix, part_name
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish_cli.commands.undistort import PictureOptions
@@ -211,7 +209,7 @@ def write_pictures(plan: PicturePlan, views: Views, *, model: Path | None) -> Un
             files = {path: content for path, content in files.items() if not path.is_file()}
     extras = write_files(files, overwrite=run.overwrite)
     if plan.kind == "video":  # one after the other, and each reports its own progress
-        run = replace(run, jobs=1, listener=SILENT)
+        run = replace(run, jobs=1, listener=Listener())
     failures = write_many(plan.jobs, views.writer(options.quality), run)
     done = [job for job in plan.jobs if job.name not in failures]
     return UndistortedFiles(

@@ -11,8 +11,6 @@ import click
 
 from cubicfish import OutputError, Run, UsageError
 from cubicfish.files import StrPath, write_files
-from cubicfish.run import RUN
-from cubicfish.wording import plural
 from cubicfish_cli.core_table import COMMANDS, commands_of
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.inputs.target_source import target_in
@@ -29,6 +27,7 @@ from cubicfish_cli.terminal.parameters import (
 )
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_table, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Target
@@ -197,7 +196,7 @@ def _describe_turn(turn: Turn, *, alone: bool) -> str:
     return _write_check("turned", angle_deg=turn.angle_deg, axis=axis, moved=moved)
 
 
-def check_target_files(options: CheckOptions, *, run: Run = RUN) -> TargetCheck:
+def check_target_files(options: CheckOptions, *, run: Run = Run()) -> TargetCheck:
     """Judge the target in a file, and draw it, as ``cubicfish target check`` does.
 
     Raises:

@@ -12,8 +12,6 @@ import click
 
 from cubicfish import OutputError, PhotoError, Run, UsageError
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
-from cubicfish.wording import plural
 from cubicfish_cli.commands.view_options import (
     report_unseen,
     view_options,
@@ -31,6 +29,7 @@ from cubicfish_cli.undistortion.options import (
     PlaneOptions,
     ViewOptions,
 )
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import CubicCamera, View
@@ -156,7 +155,7 @@ class UndistortOptions(PictureOptions):
     )
 
 
-def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> UndistortedFiles:
+def undistort_files(options: UndistortOptions, *, run: Run = Run()) -> UndistortedFiles:
     """Undistort photos or videos in files, as ``cubicfish undistort`` does.
 
     Results in a folder keep the names of their photos, and all keep depth, channels and a JPEG's

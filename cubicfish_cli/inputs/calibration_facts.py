@@ -18,14 +18,16 @@ from cubicfish import (
     BoolArray,
     Calibration,
     CubicCamera,
+    CubicfishError,
     FloatArray,
     Observations,
     Target,
     load_any_camera,
     load_corners,
+    quoted,
 )
 from cubicfish.angles import angle_from_axis
-from cubicfish.files.fingerprint import sha256_of
+from cubicfish.files import Fingerprint
 from cubicfish.fit.coverage import FieldCells, field_cells
 from cubicfish.io.camera_yaml import CameraRecord
 from cubicfish.io.corners_csv import load_correspondences
@@ -35,7 +37,6 @@ from cubicfish.judge.verdict import photo_verdicts
 from cubicfish.photos import find_photos
 from cubicfish.solve.statistics import rms_px
 from cubicfish.target.placement import best_named
-from cubicfish.wording import quoted
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.viewpoints.truth import camera_points
 from cubicfish_cli.words.camera import photo_words
@@ -404,8 +405,8 @@ def _find_recorded(record: FileRecord | None, folder: Path) -> Path | None:
         return None
     path = _place(Path(record.file), folder)
     try:
-        return path if path and sha256_of(path) == record.sha256 else None
-    except OSError:
+        return path if path and Fingerprint.of(path).sha256 == record.sha256 else None
+    except CubicfishError:
         return None
 
 

@@ -9,10 +9,8 @@ from glob import has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish import CameraFileError, CubicfishError, Listener, UsageError
-from cubicfish.errors import MISSING
+from cubicfish import CameraFileError, CubicfishError, Listener, UsageError, quoted
 from cubicfish.files import StrPath
-from cubicfish.wording import quoted
 
 if TYPE_CHECKING:
     from cubicfish import Run
@@ -98,7 +96,7 @@ def check_inputs(
     for path in inputs if correspondences is None else [correspondences]:
         file, _ = file_and_topic(path)
         if not os.path.lexists(file) and not has_magic(str(file)):
-            raise CubicfishError(f"{file} {MISSING}")
+            raise CubicfishError.missing(file)
     pairs = correspondences is not None or any(map(holds_world_points, tables))
     if not pairs:
         target.check()

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from cubicfish import CubicfishError
-from cubicfish.wording import did_you_mean
+from cubicfish import CubicfishError, did_you_mean
 from cubicfish_cli import __version__
 from cubicfish_cli.core_table import COMMANDS, commands_of
 from cubicfish_cli.terminal.parameters import DEBUG_KEY, common_options, examples

@@ -7,10 +7,9 @@ from pathlib import Path
 from string import Template
 from typing import Any, NamedTuple
 
-from cubicfish import CubicfishError, Event
+from cubicfish import CubicfishError, Event, listed
 from cubicfish.judge.codes import Code, Remedy
 from cubicfish.judge.finding import FindingText
-from cubicfish.wording import listed
 from cubicfish_cli.extension_guard import extensions
 from cubicfish_cli.words.phrases import Sentences
 

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import CubicfishError, OutputError, Run, UsageError
 from cubicfish.files import StrPath, write_files
-from cubicfish.run import RUN
-from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import calibration_files, in_folder, path_or_none
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
@@ -17,6 +15,7 @@ from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_message, print_wrote, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.advice.advise import Advice
@@ -78,7 +77,7 @@ class AdviceFiles:
         return {**self.advice.as_record(), "model": self.model, "picture": self.picture}
 
 
-def advise_files(options: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
+def advise_files(options: AdviseOptions, *, run: Run = Run()) -> AdviceFiles:
     """Find what the photos of a calibration leave open, as ``cubicfish advise`` does.
 
     Raises:

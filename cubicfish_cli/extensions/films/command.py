@@ -12,8 +12,6 @@ import click
 
 from cubicfish import Event, PhotoError, Run
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
-from cubicfish.wording import plural
 from cubicfish_cli.films import MOST
 from cubicfish_cli.inputs.paths import paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
@@ -22,6 +20,7 @@ from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record, target_options
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_next, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Target
@@ -79,7 +78,7 @@ class ChosenFrames:
         return dict(vars(self))
 
 
-def choose_frames(options: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
+def choose_frames(options: FramesOptions, *, run: Run = Run()) -> ChosenFrames:
     """Choose the frames of films that a camera is best calibrated from, as ``cubicfish frames``.
 
     They are written as PNG, with their time in the name, beside a contact sheet: all files or none.
@@ -182,7 +181,7 @@ def command(chosen: ChosenFrames, given: FramesOptions, how: How) -> None:
     The chosen frames are sharp and still, and each shows something that the others do not: corners
     in another part of the picture, or a board from another side.
     """
-    from cubicfish.photos import shown
+    from cubicfish import shown
 
     if not how.print(chosen):
         _print(chosen, given)

@@ -7,10 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish import Run
+from cubicfish import Run, listed
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
-from cubicfish.wording import listed, plural
 from cubicfish_cli.inputs.paths import paths_of
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.plan import Plan
@@ -18,6 +16,7 @@ from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_message, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Target
@@ -65,7 +64,7 @@ class CornersOptions:
     only: str | None = option("--only GLOB", "Only photos whose names match, such as 'left*'.")
 
 
-def import_corner_files(options: CornersOptions, *, run: Run = RUN) -> ImportedCorners:
+def import_corner_files(options: CornersOptions, *, run: Run = Run()) -> ImportedCorners:
     """Write corners that another detector found as corners.csv, as ``cubicfish corners`` does.
 
     Raises:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from cubicfish import Run
 from cubicfish.files import StrPath, write_files
-from cubicfish.run import RUN
 from cubicfish_cli.inputs.paths import calibration_files, in_folder, path_or_none
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
@@ -45,7 +44,7 @@ class ReportOptions:
     )
 
 
-def report_files(options: ReportOptions, *, run: Run = RUN) -> ReportFiles:
+def report_files(options: ReportOptions, *, run: Run = Run()) -> ReportFiles:
     """Write a page about a camera, as ``cubicfish report`` does.
 
     Raises:

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish import Event, Run, UsageError
+from cubicfish import Event, Run, UsageError, quoted
 from cubicfish.files import Content, StrPath
-from cubicfish.run import RUN, made_at, made_by_record
-from cubicfish.wording import quoted
 from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_rig
 from cubicfish_cli.films import MOST
@@ -136,7 +134,7 @@ class RigFiles:
         }
 
 
-def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
+def calibrate_rig_files(options: RigOptions, *, run: Run = Run()) -> RigFiles:
     """Calibrate several cameras on one body from files, as ``cubicfish rig calibrate`` does.
 
     Everything is written together at the end, or nothing is, but for frames of films.
@@ -209,7 +207,7 @@ class _RigPlan:
 
 
 def _plan(options: RigOptions, run: Run) -> _RigPlan:
-    from cubicfish_cli.core_table import NAMES
+    from cubicfish_cli.core_table import CALIBRATION_FILES
     from cubicfish_cli.extensions.rigs.inputs import check_camera_inputs, is_calibrated, read_for
     from cubicfish_cli.extensions.rigs.naming import named_cameras, named_lenses
     from cubicfish_cli.observe import films_among
@@ -231,7 +229,7 @@ def _plan(options: RigOptions, run: Run) -> _RigPlan:
         ):
             if given:
                 raise UsageError(f"{name} is of cameras that are calibrated here: leave it out")
-    made_at()  # said before the work if it cannot be
+    run.date()  # said before the work if it cannot be
     with_page = options.report and not extra.missing(extra.REPORT)
     plan = _RigPlan(
         options=options,
@@ -245,7 +243,7 @@ def _plan(options: RigOptions, run: Run) -> _RigPlan:
     )
     pages = [] if plan.page is None else [plan.page]
     own_files = [folder / name / "camera.yaml" for name in cameras]
-    refined = [] if options.refine_target == "off" else [folder / NAMES["target"]]
+    refined = [] if options.refine_target == "off" else [folder / CALIBRATION_FILES["target"]]
     plan.register.writes(folder / "rig.yaml", *pages, *own_files, *plan.corners.values(), *refined)
     return plan
 
@@ -349,7 +347,7 @@ def _fit(plan: _RigPlan, seen: _Seen, run: Run) -> Rig:
         "shots": plan.matching,
     }
     files = [file for own in seen.inputs.values() for file in own.files]
-    return replace(rig, made_by=made_by_record(run.command, asked_for, first.target_file, files))
+    return replace(rig, made_by=run.made_by(asked_for, first.target_file, files))
 
 
 def _make_contents(plan: _RigPlan, rig: Rig, seen: _Seen, run: Run) -> dict[Path, Content]:

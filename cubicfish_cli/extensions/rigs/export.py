@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from cubicfish import FitError, Run, UsageError
 from cubicfish.files import StrPath, write_files
-from cubicfish.run import RUN
 from cubicfish_cli.commands.export import LensOptions, print_exported
 from cubicfish_cli.extension_guard import Place, written_formats
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_argument
@@ -47,7 +46,7 @@ class RigExportOptions(LensOptions):
     pair: tuple[str, str] | None = pair_option
 
 
-def export_rig_files(options: RigExportOptions, *, run: Run = RUN) -> ExportedFiles:
+def export_rig_files(options: RigExportOptions, *, run: Run = Run()) -> ExportedFiles:
     """Write all cameras of a rig, or two, with their places, as ``cubicfish rig export`` does.
 
     Raises:

@@ -19,8 +19,7 @@ from cubicfish import (
     Run,
     Target,
 )
-from cubicfish.files import Content, csv_text, write_files
-from cubicfish.files.frame_names import frame_name
+from cubicfish.files import Content, FrameName, csv_text, write_files
 from cubicfish.observe import find_corners
 from cubicfish.photos import Photo, read_grey
 from cubicfish.rigs import CornerMotion
@@ -220,7 +219,7 @@ def _write(
     for row, column in ((row, column) for row, showing in chosen.items() for column in showing):
         name, film = films[column]
         index = int(found.frame[row, column])
-        picture = folder / name / f"{frame_name(name, film.time[index])}.png"
+        picture = folder / name / f"{FrameName(name, film.time[index])}.png"
         if picture in sources:
             continue  # one frame for two moments
         sources[picture] = taken[name][index]
@@ -229,7 +228,7 @@ def _write(
         )
         frames.append(
             ShotFrame(
-                shot=frame_name("shot", float(found.time[row]) - start),
+                shot=str(FrameName("shot", float(found.time[row]) - start)),
                 camera=name,
                 picture=picture,
                 late=float(found.late[row, column]),

@@ -5,8 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cubicfish import CameraFile, CorrespondenceError, Run, load_camera
-from cubicfish.files.fingerprint import fingerprint
-from cubicfish.run import RUN
+from cubicfish.files import Fingerprint
 from cubicfish_cli.inputs.paths import check_inputs, tables_among
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.observe import Inputs, load_inputs
@@ -25,7 +24,7 @@ def check_camera_inputs(cameras: Sequence[Path], target: TargetSource, run: Run)
     """
     inputs = [_find_model_and_corners(path)[1] for path in cameras]
     searched = len(tables_among(inputs)) < len(inputs)
-    of_pairs = [check_inputs([one], target, RUN if searched else run) for one in inputs]
+    of_pairs = [check_inputs([one], target, Run() if searched else run) for one in inputs]
     return any(of_pairs)
 
 
@@ -63,4 +62,4 @@ def load_camera_inputs(
     run.listener.found(loaded.photo_findings)
     if model is None:
         return loaded, None
-    return replace(loaded, files=(*loaded.files, fingerprint(model))), load_camera(model)
+    return replace(loaded, files=(*loaded.files, Fingerprint.of(model))), load_camera(model)

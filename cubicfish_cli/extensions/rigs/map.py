@@ -8,10 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish import CameraFileError, Run, UsageError, ViewError
+from cubicfish import CameraFileError, Run, UsageError, ViewError, listed
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
-from cubicfish.wording import either
 from cubicfish_cli.commands.map import MapFiles, files_of, photo_size_option, print_maps, write_maps
 from cubicfish_cli.commands.view_options import view_bundle
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_option
@@ -56,7 +54,7 @@ class RigMapOptions:
     rig: StrPath = rig_option
     pair: tuple[str, str] | None = pair_option
     view: View | ViewOptions | None = view_bundle(
-        kinds=f"{either(_KINDS)}; the last two about the line between the cameras",
+        kinds=f"{listed(_KINDS, word='or')}; the last two about the line between the cameras",
         size_default="the first camera's photo's; equirectangular is as large as what both see",
         field_default="perspective keeps the first photo's scale in its middle, up to 120 along "
         "the longer side; others show what both cameras see",
@@ -81,7 +79,7 @@ class PairMapFiles(MapFiles):
         return {**super().as_record(), "stereo": self.stereo}
 
 
-def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
+def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
     """Write a map for each of two cameras of a rig, as ``cubicfish rig map`` does.
 
     Returns:
@@ -167,7 +165,8 @@ def _describe_row_aligned(view: View | ViewOptions | None) -> View | ViewOptions
     kind = (view.kind or "perspective").removeprefix("epipolar-")
     if kind not in _KINDS:
         raise UsageError(
-            f"rows of {kind} pictures do not agree between cameras: choose --view {either(_KINDS)}"
+            f"rows of {kind} pictures do not agree between cameras: choose --view "
+            f"{listed(_KINDS, word='or')}"
         )
     return view if kind == "perspective" else replace(view, kind=f"epipolar-{kind}")
 

@@ -9,12 +9,11 @@ from glob import has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish import UsageError
-from cubicfish.photos import shown
+from cubicfish import UsageError, quoted, shown
 from cubicfish.photos.photos import VIDEO_SUFFIXES
-from cubicfish.wording import plural, quoted
 from cubicfish_cli.films.recordings import label_of
 from cubicfish_cli.inputs.paths import in_folder, is_recording, paths_of
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish.files import StrPath

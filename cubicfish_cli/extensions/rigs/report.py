@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from cubicfish import Run
 from cubicfish.files import StrPath, write_files
-from cubicfish.run import RUN
 from cubicfish_cli.extensions.rigs.options import rig_argument
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.plan import Plan
@@ -33,7 +32,7 @@ class RigReportOptions:
     )
 
 
-def report_rig_files(options: RigReportOptions, *, run: Run = RUN) -> ReportFiles:
+def report_rig_files(options: RigReportOptions, *, run: Run = Run()) -> ReportFiles:
     """Write a page about a rig, as ``cubicfish rig report`` does.
 
     Raises:

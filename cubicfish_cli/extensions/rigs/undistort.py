@@ -7,10 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish import Run
+from cubicfish import Run, listed
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
-from cubicfish.wording import either
 from cubicfish_cli.commands.undistort import PictureOptions, named_sources, print_pictures
 from cubicfish_cli.commands.view_options import report_unseen, view_bundle
 from cubicfish_cli.extensions.rigs.options import rig_option
@@ -58,7 +56,7 @@ class RigUndistortOptions(PictureOptions):
     )
     rig: StrPath = rig_option
     view: View | ViewOptions | None = view_bundle(
-        kinds=either([kind for kind in KINDS if kind != "cube"]),
+        kinds=listed([kind for kind in KINDS if kind != "cube"], word="or"),
         kind_default="equirectangular, all around",
         size_default="equirectangular is as large as all that the cameras see at the photos' "
         "scale; others have the largest photo's",
@@ -73,7 +71,7 @@ class RigUndistortOptions(PictureOptions):
     )
 
 
-def undistort_rig_files(options: RigUndistortOptions, *, run: Run = RUN) -> UndistortedFiles:
+def undistort_rig_files(options: RigUndistortOptions, *, run: Run = Run()) -> UndistortedFiles:
     """Make one picture of each shot of a rig, as ``cubicfish rig undistort`` does.
 
     One that fails does not stop the others.

@@ -11,16 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish import OutputError, Run, UsageError
+from cubicfish import OutputError, Run, UsageError, did_you_mean, quoted
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
-from cubicfish.wording import did_you_mean, plural, quoted
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, bundle, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_next, print_wrote, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import CubicCamera, Target
@@ -171,7 +170,7 @@ class SimulatedFiles:
         return {**{name: getattr(self, name) for name in named}, **self.truth}
 
 
-def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
+def simulate_files(options: SimulateOptions, *, run: Run = Run()) -> SimulatedFiles:
     """Render photos of a target beside their truth, as ``cubicfish simulate`` does.
 
     The poses fill the camera's field. All files are written, or none.

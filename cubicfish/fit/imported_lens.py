@@ -7,8 +7,8 @@ import numpy as np
 
 from cubicfish.angles import angle_from_axis
 from cubicfish.errors import FitError
+from cubicfish.fit.exported_lens import ConversionError, conversion_error
 from cubicfish.fit.nearest_cubic import linear_cubic, refined_cubic
-from cubicfish.fit.to_lens import ConversionError, conversion_error
 from cubicfish.geometry import inside_polygon
 from cubicfish.models.cubic import CubicCamera, pole_or_fold_deg
 from cubicfish.models.lens import Lens
