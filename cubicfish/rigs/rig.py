@@ -28,12 +28,21 @@ from cubicfish.geometry import camera_centre
 from cubicfish.io.camera_keys import Keys
 from cubicfish.io.camera_yaml import Calibrated, camera_text, load_camera
 from cubicfish.judge.finding import Finding
-from cubicfish.judge.fit_record import NAN, ErrorStatistics, FitRecord, PoseRecord
+from cubicfish.judge.fit_record import (
+    NAN,
+    ErrorStatistics,
+    FitRecord,
+    Origin,
+    PoseRecord,
+    origin_of,
+)
 from cubicfish.judge.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
 from cubicfish.judge.verdict import Verdict
 from cubicfish.models.cubic import CubicCamera
+from cubicfish.models.sphere import cone_rays
 from cubicfish.target.target import Target, target_text
 from cubicfish.types import FloatArray
+from cubicfish.views.fields import sees
 from cubicfish.wording import did_you_mean, quoted
 
 KEY = "cubicfish_rig"
@@ -56,6 +65,7 @@ _CAMERA_KEYS = (
 )
 # What is written by hand may be rounded so much.
 _ROUNDED = 1e-3
+_OVERLAP_RAYS = 2000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,6 +192,12 @@ class RigCamera(Calibrated):
         rotation = self.rotation @ other.rotation.T
         return rotation, self.translation - rotation @ other.translation
 
+    def overlaps(self, other: RigCamera) -> bool:
+        """Whether another camera sees some of the far things that this one sees."""
+        rays = cone_rays(np.deg2rad(self.camera.max_angle_deg), _OVERLAP_RAYS)
+        own = rays[sees(self.camera, rays)]
+        return bool(sees(other.camera, own @ self.rotation @ other.rotation.T).any())
+
     def place_record(self) -> dict[str, Any]:
         """Plain data: what rig.yaml has of the camera."""
         return {
@@ -233,6 +249,11 @@ class Rig:
     made_by: Mapping[str, Any] = field(default_factory=dict)
     target: Target | None = None
     files: tuple[Path, ...] = ()
+
+    @property
+    def origin(self) -> Origin:
+        """Where the rig comes from, as far as ``made_by`` says it."""
+        return origin_of(self.made_by)
 
     def camera(self, name: str) -> RigCamera:
         """The camera of a name.

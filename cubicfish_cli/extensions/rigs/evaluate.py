@@ -60,7 +60,6 @@ def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = Run()) -> RigE
 
     """
     from cubicfish import evaluate_rig, load_rig
-    from cubicfish.judge.fit_record import origin_of
     from cubicfish.rigs import load_times
     from cubicfish_cli.core_table import CALIBRATION_FILES
     from cubicfish_cli.extensions.rigs.inputs import check_camera_inputs, load_camera_inputs
@@ -80,7 +79,7 @@ def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = Run()) -> RigE
         name: load_camera_inputs([one], source, run)[0]
         for name, one in zip(own, inputs, strict=True)
     }
-    first, nominal = loaded[own[0]], origin_of(known.made_by).target
+    first, nominal = loaded[own[0]], known.origin.target
     refined, given = known.files[0].with_name(CALIBRATION_FILES["target"]), first.target_file
     if nominal and given and given.sha256 == nominal.sha256 and refined.is_file():
         run.listener.tell(Event.MEASURED_AS_DRAWN, refined=refined)

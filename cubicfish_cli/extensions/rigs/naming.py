@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cubicfish import UsageError, quoted, shown
-from cubicfish.photos.photos import VIDEO_SUFFIXES
 from cubicfish_cli.films.recordings import label_of
 from cubicfish_cli.inputs.paths import in_folder, is_recording, paths_of
+from cubicfish_cli.observe import films_among
 from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
@@ -87,8 +87,7 @@ def named_by(path: Path) -> str:
     if has_magic(path.name) and not path.exists():  # left*.png, or left/*.png
         begin = re.split(r"[*?[]", path.name)[0].rstrip("_-. ")
         return begin or path.parent.name
-    suffix = path.suffix.lower()
-    return path.stem if suffix == ".csv" or suffix in VIDEO_SUFFIXES else path.name
+    return path.stem if path.suffix.lower() == ".csv" or films_among([path]) else path.name
 
 
 def owners_of(paths: Sequence[Path], cameras: Sequence[str]) -> list[str]:
