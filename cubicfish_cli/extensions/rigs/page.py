@@ -44,8 +44,8 @@ def rig_html(rig: Rig) -> str:
         colours=colours,
         figures={figure.name: figure},
         worst=sorted(known, key=lambda one: -one.rms_px)[:_MOST_SHOTS],
-        made=origin_of(rig.made_by),
-        day=day_of(origin_of(rig.made_by)),
+        made=rig.origin,
+        day=day_of(rig.origin),
     )
 
 

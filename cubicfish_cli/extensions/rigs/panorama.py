@@ -109,7 +109,7 @@ class _Along:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Mosaic:
+class Panorama:
     """What it takes to make one picture of all cameras' photos.
 
     Attributes:
@@ -175,7 +175,7 @@ class Mosaic:
         return np.where(shown[wide], mean, parts[0]).astype(parts[0].dtype), shown
 
 
-def mosaic_of(body: Body, view: View) -> Mosaic:
+def build_panorama(body: Body, view: View) -> Panorama:
     """Prepare to make pictures of a view of the body's frame.
 
     Raises:
@@ -195,7 +195,7 @@ def mosaic_of(body: Body, view: View) -> Mosaic:
         weights.append(np.where(made.valid, share, np.float32(0)).astype(np.float32))
     if not maps:
         raise ViewError("no camera of the rig sees anything of this view: look elsewhere")
-    return Mosaic(view=view, cameras=tuple(names), maps=tuple(maps), weights=tuple(weights))
+    return Panorama(view=view, cameras=tuple(names), maps=tuple(maps), weights=tuple(weights))
 
 
 def edge_distance(camera: CubicCamera) -> Floats:
@@ -242,4 +242,4 @@ def stitch(
         rig.camera(name)
     body = Body(cameras=rig.cameras, distance=distance)
     chosen = build_view(body, "equirectangular") if view is None else view
-    return mosaic_of(body, chosen).render(dict(photos))[0]
+    return build_panorama(body, chosen).render(dict(photos))[0]
