@@ -29,7 +29,6 @@ from cubicfish_cli.terminal.parameters import (
 )
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import apart, print_message, print_wrote, result
-from cubicfish_cli.words.phrases import plural
 from cubicfish_cli.words.sentences import render
 
 if TYPE_CHECKING:
