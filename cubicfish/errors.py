@@ -18,7 +18,7 @@ class CubicfishError(Exception):
 
     Attributes:
         what: what is wrong; the whole text where nothing more is known.
-        do: what to do about it; empty where ``what`` says so. Names in braces stand for
+        do: what to do about it; empty where ``what`` says so. In both, names in braces stand for
             ``arguments``.
         about: the file that it is about, which the text begins with; empty where ``what`` names it.
         apart: whether ``what`` is a sentence of its own, after a colon.
@@ -47,8 +47,9 @@ class CubicfishError(Exception):
 
     def text(self, arguments: Mapping[str, str]) -> str:
         """The text with other words for arguments, such as options of a command line."""
-        do = self.do.format_map(arguments) if self.arguments else self.do
-        text = f"{self.what}: {do}" if do else self.what
+        text = f"{self.what}: {self.do}" if self.do else self.what
+        for name, own in self.arguments.items():
+            text = text.replace(f"{{{name}}}", arguments.get(name, own))
         return f"{self.about}{':' * self.apart} {text}" if self.about else text
 
 

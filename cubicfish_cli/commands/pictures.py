@@ -12,9 +12,9 @@ from cubicfish import CubicfishError, Listener, OutputError, Run, UsageError, Vi
 from cubicfish.files import Content, refuse_existing, write_files
 from cubicfish.files.whole_files import refuse_outside
 from cubicfish.photos.photos import SUFFIXES, VIDEO_SUFFIXES
+from cubicfish.views import ChosenView
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.undistortion.batch import Job, Views, write_many
-from cubicfish_cli.undistortion.choose import ChosenView
 from cubicfish_cli.undistortion.images import check_suffix, part_name
 from cubicfish_cli.words.phrases import plural
 

@@ -5,13 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish import Rig, ViewError, rectify
+from cubicfish import Rig, ViewError, build_view, rectify
 from cubicfish.models.sphere import cone_rays
 from cubicfish.rigs import RigCamera
 from cubicfish.views import sees
 from cubicfish_cli.commands.exporting import Exported
 from cubicfish_cli.foreign.file_contents import FlatPair, LensRig, PlacedLens
-from cubicfish_cli.undistortion.choose import build_view
 
 _OVERLAP_RAYS = 2000
 
