@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 import numpy as np
 import synthetic
 
-from cubicfish.diagnosis.diagnose import find_faults
+from cubicfish.diagnosis import find_faults
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.solve.subset import select
 

@@ -124,7 +124,7 @@ def load_inputs(
         loaded = Inputs(pairs=corners, corners=corners, files=(file,), target_file=target_file)
     else:
         # Tables need no finder of corners, and begin at once without it.
-        from cubicfish.observe.detection import find_corners
+        from cubicfish.observe import find_corners
 
         target_file = target.fingerprint()
         targets = target.load(run.listener)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from cubicfish import Run, UsageError, ViewError
 from cubicfish.files import StrPath
 from cubicfish_cli.inputs.paths import in_folder
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, Parsed, as_command, option, record
 from cubicfish_cli.terminal.progress import How
@@ -185,10 +186,10 @@ def transform_files(options: TransformOptions, *, run: Run = Run()) -> Transform
 
     """
     from cubicfish import load_camera
-    from cubicfish.files import Fingerprint, refuse_existing
+    from cubicfish.files import Fingerprint
 
     path, goal = in_folder(Path(options.camera)), Path(options.output)
-    refuse_existing(goal, overwrite=run.overwrite)
+    Plan(run).reads(path).writes(goal)
     source, loaded = Fingerprint.of(path), load_camera(path)
     made = transform_camera(loaded, crop=options.crop, scale=options.scale)
     given = {"crop": None if options.crop is None else str(options.crop), "scale": options.scale}

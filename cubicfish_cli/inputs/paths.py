@@ -44,6 +44,12 @@ def in_folder(path: Path) -> Path:
     )
 
 
+def calibration_files(model: Path) -> list[Path]:
+    """A camera's file, and the others of its calibration that may lie beside it."""
+    beside = ("corners.csv", "target.yaml", "target.refined.yaml")
+    return [model, *(model.with_name(name) for name in beside)]
+
+
 def paths_of(given: StrPath | Iterable[StrPath]) -> list[Path]:
     """Names that may come alone or several together."""
     return [Path(given)] if isinstance(given, str | os.PathLike) else list(map(Path, given))

@@ -29,7 +29,7 @@ from cubicfish_cli.terminal.terminal import (
 
 if TYPE_CHECKING:
     from cubicfish import Detection, Finding, Observations, Verdict
-    from cubicfish.find.identification.identified import PhotoReport
+    from cubicfish.find import PhotoReport
     from cubicfish.judge import PhotoRecord
     from cubicfish.judge.finding import Level
     from cubicfish.judge.fit_record import DroppedCorner, ErrorStatistics

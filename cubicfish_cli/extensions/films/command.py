@@ -15,6 +15,7 @@ from cubicfish.files import StrPath
 from cubicfish_cli.films import MOST
 from cubicfish_cli.inputs.paths import paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record, target_options
 from cubicfish_cli.terminal.progress import How
@@ -89,19 +90,20 @@ def choose_frames(options: FramesOptions, *, run: Run = Run()) -> ChosenFrames:
             not installed.
 
     """
-    from cubicfish.files import refuse_existing
     from cubicfish_cli.extensions.films.frames import chosen_of, scanned
     from cubicfish_cli.extensions.films.written import SHEET, write_chosen
     from cubicfish_cli.films.scan import room_for_frames
     from cubicfish_cli.films.source import open_films
 
     folder, source = Path(options.folder), TargetSource.of(options.target)
+    plan = Plan(run).reads(options.films, source)
+    plan.writes(folder / SHEET)
     targets = source.load(run.listener) if source.is_known else None
     films = open_films(_expand(options.films))
-    refuse_existing(folder / SHEET, overwrite=run.overwrite)
     with room_for_frames(folder) as room:
         measured = scanned(films, room, options.most, run.listener)
         chosen = chosen_of(measured, targets, options.most, run)
+        plan.writes(*(folder / frame.photo.name for frame in chosen.taken), within=folder)
         run.listener.progress("Writing frames")
         write_chosen(folder, chosen, overwrite=run.overwrite)
     return ChosenFrames(

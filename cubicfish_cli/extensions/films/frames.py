@@ -7,6 +7,7 @@ from pathlib import Path
 
 from cubicfish import DetectionError, Listener, Run, Target, listed, shown
 from cubicfish.files import FrameName
+from cubicfish.observe import Glances
 from cubicfish.photos import Photo
 from cubicfish_cli.films.choose import Scale, Seen
 from cubicfish_cli.films.frame_search import Search, why_ended
@@ -95,16 +96,14 @@ def chosen_of(
     scale = Scale.of([frame.seen for frame in frames], still_px(size))
     worse = [at for at, frame in enumerate(frames) if scale.is_spoilt(frame.seen)]
     search = Search(
-        photos=[frame.photo for frame in frames],
+        glances=Glances(photos=[frame.photo for frame in frames], size=size, is_film=True),
         seen=[frame.seen for frame in frames],
-        size=size,
         most=most,
         targets=targets,
         run=run,
         what="frames",
         at_once=_ROUND,
         quick_jobs=1,
-        is_film=True,
     )
     try:
         search.search([at for at in range(len(frames)) if at not in worse], worse)

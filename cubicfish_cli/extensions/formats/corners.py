@@ -11,6 +11,7 @@ from cubicfish import Run, listed
 from cubicfish.files import StrPath
 from cubicfish_cli.inputs.paths import paths_of
 from cubicfish_cli.inputs.target_source import target_in
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record
 from cubicfish_cli.terminal.progress import How
@@ -72,11 +73,10 @@ def import_corner_files(options: CornersOptions, *, run: Run = Run()) -> Importe
 
     """
     from cubicfish import save_corners
-    from cubicfish.files import refuse_existing
     from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
 
     goal = Path(options.table)
-    refuse_existing(goal, overwrite=run.overwrite)
+    Plan(run).reads(options.files, options.target).writes(goal)
     read = read_vnlogs(
         paths_of(options.files),
         target_in(options.target),

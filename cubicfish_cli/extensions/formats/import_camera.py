@@ -11,7 +11,8 @@ import click
 
 from cubicfish import Run
 from cubicfish.files import StrPath
-from cubicfish_cli.extension_table import read_formats
+from cubicfish_cli.extension_guard import read_formats
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.terminal.progress import How
@@ -78,12 +79,12 @@ def import_files(options: ImportOptions, *, run: Run = Run()) -> Imported:
             replaced.
 
     """
-    from cubicfish.files import Fingerprint, refuse_existing
+    from cubicfish.files import Fingerprint
     from cubicfish_cli.extensions.formats.importing import import_camera
 
     run.date()  # an unusable date is an error before the work, not after
     goal = Path(options.output)
-    refuse_existing(goal, overwrite=run.overwrite)
+    Plan(run).reads(options.path).writes(goal)
     source = Fingerprint.of(Path(options.path))
     run.listener.progress("Fitting the cubic camera to the lens")
     imported = import_camera(

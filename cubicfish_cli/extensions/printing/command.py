@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from cubicfish import Event, Run, UsageError
-from cubicfish.files import Content, StrPath, refuse_existing, write_files
+from cubicfish.files import Content, StrPath, write_files
 from cubicfish_cli import __version__
 from cubicfish_cli.inputs.target_source import length_mm, target_in
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import COUNTS, as_command, option, record
@@ -182,7 +183,7 @@ def print_target_files(options: PrintOptions, *, run: Run = Run()) -> PrintedFil
 
     contents = {"boards": lambda path: write_boards(path, pages), **contents}
     outputs = {name: Path(options.folder) / NAMES[name] for name in contents}
-    refuse_existing(*outputs.values(), overwrite=run.overwrite)
+    Plan(run).reads(options.target).writes(*outputs.values())
     run.listener.progress(f"Drawing {plural(len(pages), 'page')}")
     files = {path: contents[name] for name, path in outputs.items()}
     write_files(files, overwrite=run.overwrite, folder=Path(options.folder))

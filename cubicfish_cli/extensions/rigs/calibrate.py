@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish import Event, Run, UsageError, quoted
-from cubicfish.files import StrPath, refuse_existing
+from cubicfish.files import StrPath
 from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_rig
 from cubicfish_cli.films import MOST
 from cubicfish_cli.inputs.paths import in_folder, paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.render.pages import PAGE
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import enforce_max_rms, mark_of
@@ -142,14 +144,15 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = Run()) -> RigFiles:
             can be fitted.
 
     """
-    from cubicfish import calibrate_rig, load_camera, save_corners, save_rig
-    from cubicfish.io.camera_yaml import Calibrated
+    from cubicfish import calibrate_rig, load_camera, load_rig, save_corners, save_rig
+    from cubicfish.rigs.rig import REFINED
     from cubicfish.rigs.shots import TOLERANCE, load_shots, load_times
     from cubicfish_cli.extensions.rigs.films import keeping_frames, moving_corners, rig_frames
     from cubicfish_cli.extensions.rigs.inputs import (
         check_camera_inputs,
         is_calibrated,
         load_camera_inputs,
+        read_for,
     )
     from cubicfish_cli.extensions.rigs.report import write_rig_page
     from cubicfish_cli.films.scan import room_for_frames
@@ -180,10 +183,11 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = Run()) -> RigFiles:
     pages = [place / PAGE] if options.report and not extra.missing(extra.REPORT) else []
     own_files = [place / name / "camera.yaml" for name in called]
     corners = [place / name / "corners.csv" for name in called]
-    refuse_existing(place / "rig.yaml", *pages, *own_files, *corners, overwrite=run.overwrite)
+    refined = [place / REFINED] if options.refine_target != "off" else []
+    plan = Plan(run).reads(read_for(inputs), source, options.shots, options.times, lenses)
+    plan.writes(place / "rig.yaml", *pages, *own_files, *corners, *refined)
     known: dict[str, Calibrated] = {
-        name: one if isinstance(one, Calibrated) else load_camera(in_folder(Path(one)))
-        for name, one in lenses.items()
+        name: load_camera(one) if isinstance(one, Path) else one for name, one in lenses.items()
     }
     by = "films" if films else str(options.shots or ("time" if options.tolerance else "name"))
     refine_target = options.refine_target or "auto"
@@ -197,6 +201,7 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = Run()) -> RigFiles:
                 room,
                 source.load(),
                 run,
+                plan,
                 most=options.most or MOST,
                 tolerance=options.tolerance,
             )
@@ -236,7 +241,7 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = Run()) -> RigFiles:
             for path, own in zip(corners, loaded.values(), strict=True):
                 save_corners(path, own.pairs, overwrite=run.overwrite)
             for page in pages:
-                write_rig_page(written[0], page, run)
+                write_rig_page(load_rig(written[0]), page, run)
     return RigFiles(rig=rig, files=[*written, *corners, *pages])
 
 
@@ -257,7 +262,7 @@ def _refuse_unused(options: RigOptions, inputs: Sequence[Path], films: Sequence[
 
 def _name_lenses(
     lenses: Mapping[str, Calibrated | StrPath] | Sequence[Path], called: Sequence[str]
-) -> Mapping[str, Calibrated | StrPath]:
+) -> Mapping[str, Calibrated | Path]:
     """Cameras that are calibrated already, or their files, by name."""
     if not isinstance(lenses, Mapping):  # left=left_calibration
         lenses = {name: path for name, _, path in (str(one).partition("=") for one in lenses)}
@@ -267,7 +272,10 @@ def _name_lenses(
                 f"--lens {quoted(name)} names no camera: write NAME=FILE with one of "
                 f"{', '.join(called)}"
             )
-    return lenses
+    return {
+        name: in_folder(Path(one)) if isinstance(one, str | os.PathLike) else one
+        for name, one in lenses.items()
+    }
 
 
 def _name_cameras(inputs: Sequence[Path], given: str | None) -> list[str]:

@@ -64,6 +64,12 @@ def _find_model_and_corners(path: Path) -> tuple[Path | None, Path]:
     return model, corners
 
 
+def read_for(cameras: Sequence[Path]) -> list[Path]:
+    """What is read for cameras."""
+    both = [one for path in cameras for one in _find_model_and_corners(path)]
+    return [path for path in both if path is not None]
+
+
 def load_camera_inputs(
     sources: Sequence[Path], target: TargetSource, run: Run
 ) -> tuple[Inputs, CameraFile | None]:

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish import CameraFileError, Run, UsageError, ViewError, listed
-from cubicfish.files import StrPath, refuse_existing
+from cubicfish.files import StrPath
 from cubicfish.views import ViewOptions
 from cubicfish_cli.commands.map import MapFiles, files_of, photo_size_option, print_maps, write_maps
 from cubicfish_cli.commands.view_options import view_bundle
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_option
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
@@ -93,9 +94,9 @@ def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
 
     from cubicfish import load_rig, rectify
     from cubicfish.files.plain_yaml import plain_yaml_text
-    from cubicfish.rigs.rig import rig_file
+    from cubicfish.rigs.rig import rig_file, rig_files
     from cubicfish.views import CentralView, ChosenView, MapInBands, choose_view, sees
-    from cubicfish_cli.undistortion.map_formats import map_paths
+    from cubicfish_cli.undistortion.map_formats import camera_path, map_paths
 
     goal, photo_size = Path(options.output), options.photo_size
     map_paths(goal)  # its name is refused first
@@ -107,7 +108,8 @@ def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
         raise CameraFileError(f"name two of the rig's cameras with --pair: {', '.join(both)}")
     about = goal.with_suffix(".stereo.yaml")
     plan = map_paths(goal, both)
-    refuse_existing(*files_of(plan), about, overwrite=run.overwrite)
+    register = Plan(run).reads(rig_files(path, loaded))
+    register.writes(*files_of(plan), about, *(camera_path(goal, one) for one in both))
     between = rectify(loaded, *both)
     if photo_size is not None:
         one, other = (loaded.camera(name).camera.for_photos(photo_size) for name in both)

@@ -14,6 +14,7 @@ from cubicfish_cli.commands.undistort import PictureOptions, named_sources, prin
 from cubicfish_cli.commands.view_options import report_unseen, view_bundle
 from cubicfish_cli.extensions.rigs.options import rig_option
 from cubicfish_cli.inputs.paths import paths_of
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.terminal.progress import How
@@ -86,7 +87,7 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = Run()) -> Un
 
     """
     from cubicfish import load_rig
-    from cubicfish.rigs.rig import rig_file
+    from cubicfish.rigs.rig import rig_file, rig_files
     from cubicfish.views import choose_view
     from cubicfish_cli.commands.pictures import plan_pictures, write_pictures
     from cubicfish_cli.extensions.rigs.mosaic import Body
@@ -98,7 +99,9 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = Run()) -> Un
     shots = shots_of(sources, names, run.listener)
     suffix = next(iter(next(iter(shots.values())).values())).suffix
     jobs = {name: (f"{name}{suffix}", own) for name, own in shots.items()}
-    plan = plan_pictures("shot", jobs, Path(options.output), options, run, alone=len(shots) == 1)
+    register = Plan(run, skip_existing=options.skip_existing).reads(rig_files(model, known))
+    alone = len(shots) == 1
+    plan = plan_pictures("shot", jobs, Path(options.output), options, run, register, alone=alone)
     view = options.view or ViewOptions()
     if isinstance(view, ViewOptions) and view.kind is None:
         view = replace(view, kind="equirectangular")

@@ -315,7 +315,7 @@ def test_a_calibration_does_not_replace_the_object_that_it_is_made_from(
     mine.write_bytes(TARGET.read_bytes())
     args = ("calibrate", CORNERS, "-t", mine, "-o", tmp_path, "--overwrite")
     said = run(*args, "--refine-target", "shape", code=1).stderr
-    assert f"{mine} would be replaced, and is what this calibration is made from" in said
+    assert f"{mine} is read here, and would be replaced" in said
     run(*args, "--refine-target", "off")
     assert mine.read_bytes() == TARGET.read_bytes()
 

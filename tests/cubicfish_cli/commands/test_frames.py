@@ -17,7 +17,7 @@ from running import Run
 
 from cubicfish import load_camera
 from cubicfish.files import FrameName
-from cubicfish_cli.films import frame_search
+from cubicfish.observe import glances
 
 pytestmark = pytest.mark.slow
 
@@ -146,7 +146,7 @@ def test_of_a_run_that_was_interrupted_nothing_is_left(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(frame_search, "_quick_detect", stop)
+        patch.setattr(glances, "_quick_detect", stop)
         run("frames", short, "-o", tmp_path / "p", "-j", 1, code=130)
     assert not (tmp_path / "p").exists()
     killed = tmp_path / "p" / ".unfinished" / "short" / "7.png"
