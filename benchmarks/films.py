@@ -34,14 +34,20 @@ import numpy as np
 from synthetic_films import Film, FilmOptions, hand_path
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
-from cubicfish import Calibration, CubicfishError, Observations, Target, load_corners, save_corners
-from cubicfish.comparison import aligned_difference
+from cubicfish import (
+    Calibration,
+    CubicfishError,
+    Observations,
+    Target,
+    aligned_difference,
+    calibrate,
+    load_corners,
+    save_corners,
+)
 from cubicfish.files.frame_names import frame_name
-from cubicfish.fit.calibrate import calibrate
 from cubicfish.models.sphere import cone_rays
 from cubicfish.observe.detection import first_pass
 from cubicfish.photos import Photo, find_photos
-from cubicfish.solve.subset import select_photos
 from cubicfish.target.target import load_target
 from cubicfish.workers import Work
 from cubicfish_cli.extensions.simulation.command import LookOptions
@@ -129,7 +135,7 @@ def measured(
     fits = [
         fitted(first_pass(chosen, [target], Work(jobs=1)).corners.with_target(target), target),
         fitted(pairs, target),
-        fitted(select_photos(pairs, np.unique(equal)), target),
+        fitted(pairs.of_photos(np.unique(equal)), target),
     ]
     angle = min(fit.camera.max_angle_deg for fit in fits if fit is not None)
     errors = [rms_px(fit, lens.far, np.deg2rad(angle)) for fit in fits]

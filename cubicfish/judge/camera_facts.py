@@ -13,7 +13,7 @@ import numpy as np
 
 from cubicfish.angles import angle_from_axis
 from cubicfish.judge.codes import words
-from cubicfish.judge.fit_record import FitRecord, Origin, origin_of
+from cubicfish.judge.fit_record import FitRecord, Origin
 from cubicfish.judge.verdict import Verdict, verdict
 from cubicfish.models.cubic import CubicCamera
 
@@ -61,7 +61,7 @@ class CameraFacts:
     @property
     def origin(self) -> Origin:
         """Where the camera comes from, as far as ``made_by`` says it."""
-        return origin_of(self.made_by)
+        return Origin.of(self.made_by)
 
     @property
     def title(self) -> str:

@@ -44,8 +44,7 @@ from cubicfish_cli.words.phrases import counted
 
 if TYPE_CHECKING:
     from cubicfish import Calibration, CubicCamera, Observations, Target, Verdict
-    from cubicfish.fit.model_selection import RefineTarget
-    from cubicfish.fit.point_fit import PointCalibration
+    from cubicfish.fit import PointCalibration, RefineTarget
     from cubicfish.judge import FitRecord
     from cubicfish_cli.observe import Inputs
 
@@ -242,7 +241,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
     how: dict[str, Any] = {"hold_out": options.hold_out}
     fitted: Calibration | PointCalibration
     if options.lift == "point":
-        from cubicfish.fit.point_fit import calibrate_points
+        from cubicfish.fit import calibrate_points
 
         run.listener.progress("Fitting")
         fitted, how = calibrate_points(loaded.pairs, **how), {"lift": options.lift}
@@ -410,9 +409,7 @@ def _print_calibration(made: CalibratedFiles) -> None:
     lost = dict.fromkeys(fitted.unfit, "left out")  # stderr has the reasons
     lost |= figures.why_lost(detection)
     by_board = figures.corners_by_board(fitted.pairs)
-    rows = figures.fitted_rows(
-        fit.per_image, fit.dropped_corners, fitted.camera.image_size, by_board, lost
-    )
+    rows = figures.fitted_rows(fit, fitted.camera.image_size, by_board, lost)
     everything = str(made.files["camera"])
     figures.print_photo_table(rows, fitted.pairs.boards, everything=everything, apart=True)
     result()
@@ -454,9 +451,9 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
     for figure in scope(fitted):
         figures.print_figure(*figure)
     if fit.pupil is not None:
-        figures.print_figure(
-            "entrance pupil", figures.px(abs(fit.pupil.rim_px)), meaning=pupil_meaning(fit.pupil)
-        )
+        pupil = fit.pupil
+        meaning = pupil_meaning(pupil.rim_px, pupil.distance, pupil.units)
+        figures.print_figure("entrance pupil", figures.px(abs(pupil.rim_px)), meaning=meaning)
     if fit.lift == "point":
         meaning = "P means something on the boards only; points off them are refused"
         if fit.rank == 20:

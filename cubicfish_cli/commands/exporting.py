@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish import CubicfishError, FitError
-from cubicfish.fit.exported_lens import Conversion, to_lens
+from cubicfish.fit import Conversion, to_lens
 from cubicfish.io.camera_yaml import Calibrated
 from cubicfish.wording import did_you_mean, quoted
 from cubicfish_cli import __version__

@@ -40,7 +40,7 @@ from cubicfish.judge.codes import Code
 from cubicfish.observe.detection import first_pass
 from cubicfish.observe.photo_detection import GridCache, detect_in_photo
 from cubicfish.photos import Photo
-from cubicfish.sufficiency.information_gain import InformationGain
+from cubicfish.sufficiency import InformationGain
 from cubicfish.workers import Work
 from cubicfish_cli.films.choose import FEWEST, Choice, Patch, Seen, choose
 from cubicfish_cli.films.measure import sharpness

@@ -34,7 +34,7 @@ from cubicfish_cli.terminal.terminal import apart, print_message, print_wrote, r
 
 if TYPE_CHECKING:
     from cubicfish import Rig, Target
-    from cubicfish.fit.model_selection import RefineTarget
+    from cubicfish.fit import RefineTarget
     from cubicfish.io.camera_yaml import Calibrated
     from cubicfish_cli.extensions.rigs.films import ShotFrame
 

@@ -61,7 +61,7 @@ def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = RUN) -> RigEva
 
     """
     from cubicfish import evaluate_rig, load_rig
-    from cubicfish.judge.fit_record import origin_of
+    from cubicfish.judge import Origin
     from cubicfish.rigs.rig import REFINED, rig_file
     from cubicfish.rigs.shots import load_times, owners_of
     from cubicfish_cli.extensions.rigs.inputs import check_camera_inputs, load_camera_inputs
@@ -81,7 +81,7 @@ def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = RUN) -> RigEva
         name: load_camera_inputs([one], source, run)[0]
         for name, one in zip(own, inputs, strict=True)
     }
-    first, nominal = loaded[own[0]], origin_of(known.made_by).target
+    first, nominal = loaded[own[0]], Origin.of(known.made_by).target
     refined, given = model.with_name(REFINED), first.target_file
     if nominal and given and given.sha256 == nominal.sha256 and refined.is_file():
         run.listener.tell(Event.MEASURED_AS_DRAWN, refined=refined)

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from cubicfish import Rig
-from cubicfish.judge import Severity
-from cubicfish.judge.fit_record import origin_of
+from cubicfish.judge import Origin, Severity
 from cubicfish_cli.render.pages.figures import (
     BOARD_COLOURS,
     Drawn,
@@ -42,8 +41,8 @@ def rig_html(rig: Rig) -> str:
         colours=colours,
         figures={figure.name: figure},
         worst=sorted(known, key=lambda one: -one.rms_px)[:_MOST_SHOTS],
-        made=origin_of(rig.made_by),
-        day=day_of(origin_of(rig.made_by)),
+        made=Origin.of(rig.made_by),
+        day=day_of(Origin.of(rig.made_by)),
     )
 
 
