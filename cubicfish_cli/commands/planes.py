@@ -18,7 +18,7 @@ from cubicfish import (
 )
 from cubicfish.io.camera_yaml import Calibrated
 from cubicfish.judge import FitRecord
-from cubicfish.observe.detection import first_pass
+from cubicfish.observe import find_corners
 from cubicfish.photos import Photo
 from cubicfish.views import PointProjector, camera_for_photos
 from cubicfish.views.plane import board_with_plane
@@ -77,7 +77,7 @@ class PlaneViews(Views):
             return
         run.listener.tell(Event.WITHOUT_POSE, photos=len(missing))
         photos = [Photo(name=source.name, path=source) for source in missing]
-        found = first_pass(photos, [self._target], run.work("Finding corners"))
+        found = find_corners(photos, [self._target], run, again=False)
         self._poses |= _read_poses(FitRecord(per_image=evaluate(camera, found.corners).photos))
 
     def chosen(self, source: Path, size: Size) -> ChosenView:

@@ -29,7 +29,7 @@ from cubicfish_cli.terminal.terminal import (
 
 if TYPE_CHECKING:
     from cubicfish import Detection, Finding, Observations, Verdict
-    from cubicfish.find.identification.identified import PhotoReport
+    from cubicfish.find import PhotoReport
     from cubicfish.judge import ErrorStatistics, FitRecord, Level, PhotoRecord
     from cubicfish_cli.render.pages.report_files import ReportFiles
     from cubicfish_cli.terminal.progress import How

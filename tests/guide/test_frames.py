@@ -15,6 +15,7 @@ from cubicfish import DetectionError, Finding, Observations, PhotoError, Run, Ta
 from cubicfish.find.detection.grids import FoundGrids, Grid
 from cubicfish.judge import Severity
 from cubicfish.judge.codes import Code
+from cubicfish.observe import glances
 from cubicfish.photos import Photo
 from cubicfish_cli.extensions.films.command import FramesOptions, choose_frames
 from cubicfish_cli.films import frame_search
@@ -32,10 +33,10 @@ def search(monkeypatch, adds: list[bool], most: int = 60) -> Search:
         return Choice(order=tuple(order), gain=(0.0,) * len(order), ended=ended)
 
     monkeypatch.setattr(frame_search, "choose", choose)
+    photos = [Photo(name=str(at), path=Path(str(at))) for at in range(len(adds))]
     return Search(
-        photos=[Photo(name=str(at), path=Path(str(at))) for at in range(len(adds))],
+        glances=glances.Glances(photos=photos, size=SIZE),
         seen=[Seen(sharpness=1.0)] * len(adds),
-        size=SIZE,
         most=most,
         targets=None,
         run=Run(),
@@ -74,8 +75,8 @@ def test_what_is_uncertain_of_names_goes_along() -> None:
         [places, places], [pixel, pixel], (64, 48), images=["a", "b"], boards=["board"]
     )
     corners = replace(corners, certain=corners.image == 0)
-    found = frame_search._make_found_of_corners(corners)
-    assert {name: [one.certain for one in own] for name, own in found.patches.items()} == {
+    patches = frame_search._make_patches_of_corners(corners)
+    assert {name: [one.certain for one in own] for name, own in patches.items()} == {
         "a": [True],
         "b": [False],
     }
@@ -164,7 +165,7 @@ def test_of_pictures_that_seem_empty_some_tell_of_all(monkeypatch, hidden: int) 
 @pytest.mark.parametrize("is_film", [True, False])
 def test_a_film_without_boards_is_given_up_after_some(monkeypatch, is_film: bool) -> None:
     looking, asked = search(monkeypatch, [True] * 60), []
-    looking.is_film, looking.at_once = is_film, 24
+    looking.glances.is_film, looking.at_once = is_film, 24
     with pytest.raises(DetectionError, match="nothing there"):
         search_by(looking, shows([False] * 60), asked_of([False] * 60, asked), range(60), [])
     assert max(map(len, asked)) == (20 if is_film else 60)
@@ -182,9 +183,9 @@ def test_a_board_that_is_lost_in_a_picture_is_looked_for_beside_it(monkeypatch) 
         grids = (grid,) if shown else ()
         return FoundGrids(grids=grids, refused=np.zeros((0, 2)), image_size=SIZE)
 
-    monkeypatch.setattr(frame_search, "_quick_detect", quick)
+    monkeypatch.setattr(glances, "_quick_detect", quick)
     looking = search(monkeypatch, [True] * 10)
-    looking.is_film, looking.detect = True, shows([False] * 10)
+    looking.glances.is_film, looking.detect = True, shows([False] * 10)
     looking.search(range(10), [])
     # The picture next to the last one shows nothing.
     assert set(looking.choice.order) == {2, 3, 4, 5, 6}

@@ -106,6 +106,16 @@ class GridReport:
     rms_px: float
 
     @property
+    def sure(self) -> bool:
+        """Whether its corners are surely those that they are named as."""
+        return self.verdict is Decided.NAMED
+
+    @property
+    def code(self) -> Code | None:
+        """What is reported of it; None where it is simply named."""
+        return CODES.get(self.verdict)
+
+    @property
     def named(self) -> bool:
         """Whether its corners are among the named ones."""
         return self.place is not None
@@ -256,6 +266,32 @@ class Detection(Brief):
     other_colours: bool = False
 
 
+def nameless(
+    names: Sequence[str], found: Sequence[FoundGrids | None], image_size: tuple[int, int]
+) -> Detection:
+    """What is known of photos of an unknown target: grids, whose corners have no names.
+
+    Args:
+        names: the photos' names.
+        found: for each of them what was found in it; None where it cannot be used.
+        image_size: (width, height) of all photos, pixels.
+
+    """
+    none = np.zeros(0, np.intp)
+    corners = Observations(
+        image_size=image_size,
+        images=(),
+        boards=(),
+        image=none,
+        board=none,
+        column=none,
+        row=none,
+        pixel=np.zeros((0, 2)),
+    )
+    reports = (PhotoReport(name=name, found=one) for name, one in zip(names, found, strict=True))
+    return Detection(corners=corners, photos=tuple(reports))
+
+
 def nominal_target_fits(grids: Sequence[Sequence[GridReport]], target: Target) -> bool:
     """Whether most photos fit the nominal target, and each of its boards does in some.
 
@@ -284,11 +320,11 @@ def remark_of(photo: str, grid: GridReport, *, odd: bool = False) -> Finding | N
             odd.
 
     """
-    if grid.verdict is Decided.NAMED:
+    if grid.code is None:
         return None
     columns, rows = grid.size
     return Finding(
-        code=CODES[grid.verdict],
+        code=grid.code,
         case="odd" if odd and grid.verdict in _ODD else "",
         severity=Severity.NOTE if grid.named else Severity.CARE,
         images=(photo,),
