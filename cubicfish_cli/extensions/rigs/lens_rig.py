@@ -5,11 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish import Rig
-from cubicfish import ViewError
-from cubicfish import rectify
-from cubicfish import build_view
-from cubicfish.models.sphere import cone_rays
+from cubicfish import Rig, ViewError, build_view, rectify
 from cubicfish.rigs import RigCamera
 from cubicfish_cli.commands.exporting import Exported
 from cubicfish_cli.foreign.file_contents import FlatPair, LensRig, PlacedLens

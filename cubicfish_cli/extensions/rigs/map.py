@@ -94,13 +94,8 @@ def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
 
     from cubicfish import load_rig, rectify
     from cubicfish.files.plain_yaml import plain_yaml_text
-    from cubicfish.views import CentralView
-    from cubicfish.views import sees
-    from cubicfish.views import ChosenView
-    from cubicfish_cli.undistortion.map_formats import MapInBands
-    from cubicfish_cli.undistortion.map_formats import camera_path
-    from cubicfish_cli.undistortion.map_formats import map_paths
-    from cubicfish.views import choose_view
+    from cubicfish.views import CentralView, ChosenView, choose_view, sees
+    from cubicfish_cli.undistortion.map_formats import MapInBands, camera_path, map_paths
 
     goal, photo_size = Path(options.output), options.photo_size
     map_paths(goal)  # its name is refused first

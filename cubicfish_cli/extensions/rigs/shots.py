@@ -9,13 +9,9 @@ from cubicfish import Listener, UndistortMap, ViewError
 from cubicfish.photos import Picture
 from cubicfish.photos.photos import natural_key, photo_size
 from cubicfish.rigs import match_shots
+from cubicfish.views import ChosenView, Interpolation
 from cubicfish_cli.extensions.rigs.naming import owners_of
-from cubicfish_cli.extensions.rigs.panorama import Body
-from cubicfish_cli.extensions.rigs.panorama import Panorama
-from cubicfish_cli.extensions.rigs.panorama import build_panorama
-from cubicfish.rigs.shots import shots_by_name
-from cubicfish.views import ChosenView
-from cubicfish.views import Interpolation
+from cubicfish_cli.extensions.rigs.panorama import Body, Panorama, build_panorama
 from cubicfish_cli.inputs.paths import named_photos
 from cubicfish_cli.undistortion.batch import MAKING, Job, Size, Views
 
