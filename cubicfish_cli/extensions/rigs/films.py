@@ -22,7 +22,7 @@ from cubicfish import (
 from cubicfish.files import Content, FrameName, csv_text, write_files
 from cubicfish.observe import find_corners
 from cubicfish.photos import Photo, read_grey
-from cubicfish.rigs.times import CornerMotion
+from cubicfish.rigs import CornerMotion
 from cubicfish_cli.extensions.rigs.film_clocks import FilmMotion, match_films
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out
 from cubicfish_cli.films.choose import Seen, choose_shots
@@ -58,7 +58,7 @@ class ShotFrame:
     seconds: tuple[float, float]
 
 
-def moving_corners(
+def measure_motion(
     frames: Sequence[ShotFrame], pairs: Observations, listener: Listener
 ) -> CornerMotion:
     """How the corners move that were found in a camera's frames."""
