@@ -45,7 +45,7 @@ from cubicfish import (
     save_corners,
 )
 from cubicfish.comparison import aligned_difference
-from cubicfish.files.frame_names import frame_name
+from cubicfish.files import FrameName
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.models.sphere import cone_rays
 from cubicfish.observe import find_corners
@@ -96,7 +96,7 @@ def photos_of(film: Path, every: int) -> list[Photo]:
     photos = []
     with opened(film) as (container, stream):
         for frame in islice(decode(film, container, stream), None, None, every):
-            name = frame_name(film.stem, float(frame.pts * stream.time_base)) + ".png"
+            name = f"{FrameName(film.stem, float(frame.pts * stream.time_base))}.png"
             picture = frame.to_ndarray(format="gray")
             photos.append(Photo(name=name, path=Path(name), picture=picture))
     return photos

@@ -20,9 +20,10 @@ import numpy as np
 
 from cubicfish import Calibration, FitError, FloatArray, Observations, Target
 from cubicfish.angles import angle_from_axis, columns
-from cubicfish.fit.cubic_fit import PriorChoice, choose_prior, fit_cubic
+from cubicfish.fit.cubic_fit import fit_cubic
 from cubicfish.fit.folds import folds_of
 from cubicfish.fit.nearest_cubic import MARGIN_DEG, cone_angle
+from cubicfish.fit.prior import Prior, choose_prior
 from cubicfish.fit.radial_reference import RadialReference, radial_near, refit_radial
 from cubicfish.models import RadialCamera
 from cubicfish.models.formula_lens import FocalLens, FormulaLens, usable_angle_deg
@@ -279,7 +280,7 @@ def _adjusted(lens: F, poses: Poses, pairs: Observations, limit: float) -> Adjus
     return adjust(lens, poses, pairs, huber_px=limit).again(pairs)
 
 
-def _fit_cubic(prior: PriorChoice, reference: RadialReference) -> tuple[FitLens, FloatArray]:
+def _fit_cubic(prior: Prior, reference: RadialReference) -> tuple[FitLens, FloatArray]:
     result = fit_cubic(reference, prior)
     return result.lens, result.residual
 

@@ -240,12 +240,12 @@ def measure_memory(model: Path, folder: Path) -> None:
 def measure_video(camera: CubicCamera, folder: Path) -> None:
     import av
 
-    from cubicfish.listener import SILENT
+    from cubicfish import Listener
     from cubicfish_cli.undistortion.video import DEFAULT_CRF, VideoViews
 
     size = (1920, 1080)
     view = CentralView.with_field("perspective", 110, size)
-    views = VideoViews(of_size(camera, size), view, "linear", DEFAULT_CRF, SILENT)
+    views = VideoViews(of_size(camera, size), view, "linear", DEFAULT_CRF, Listener())
     source = folder / "in.mp4"
     still = photos(folder / "still", 1, (2200, 1300))[0]
     whole = cv2.cvtColor(cv2.imread(str(still)), cv2.COLOR_BGR2RGB)

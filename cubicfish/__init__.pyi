@@ -51,6 +51,10 @@ from cubicfish.views.maps import UndistortMap as UndistortMap
 from cubicfish.views.maps import build_map as build_map
 from cubicfish.views.plane import build_plane as build_plane
 from cubicfish.views.view import View as View
+from cubicfish.wording import did_you_mean as did_you_mean
+from cubicfish.wording import listed as listed
+from cubicfish.wording import quoted as quoted
+from cubicfish.wording import shown as shown
 
 __version__: str
 __all__: list[str]

@@ -5,11 +5,12 @@ says what, where and what to do next. The command line turns it into ``Error: ..
 exit code 1; a library caller can also catch the built-in class it derives from.
 """
 
+import os
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Self
 
-MISSING = "does not exist: check the name and the current folder"
-"""What a message says about a missing file, after its name."""
+from cubicfish.wording import shown
 
 
 class CubicfishError(Exception):
@@ -37,6 +38,12 @@ class CubicfishError(Exception):
         self.what, self.do, self.about, self.apart = what, do, about, apart
         self.arguments = dict(arguments)
         super().__init__(self.text(self.arguments))
+
+    @classmethod
+    def missing(cls, path: str | os.PathLike[str], *, do: str = "") -> Self:
+        """The error about a file that is not there; ``do`` is what else may be done about it."""
+        check = "check the name and the current folder"
+        return cls(f"{shown(path)} does not exist", do=f"{check}, or {do}" if do else check)
 
     def text(self, arguments: Mapping[str, str]) -> str:
         """The text with other words for arguments, such as options of a command line."""

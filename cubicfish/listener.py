@@ -36,7 +36,6 @@ class Event(StrEnum):
     NOT_CERTAIN = "not_certain"
     FITTING = "fitting"
     NO_MAP = "no_map"
-    NO_PAGE = "no_page"
     PRINTED_AS_DRAWN = "printed_as_drawn"
     MEASURED_AS_DRAWN = "measured_as_drawn"
     AMBIGUOUS = "ambiguous"
@@ -85,6 +84,3 @@ class Listener:
         """What is called with words and the share done of a step, which begins now."""
         self.progress(step)
         return lambda words, share: self.progress(step, share, 1, words)
-
-
-SILENT = Listener()

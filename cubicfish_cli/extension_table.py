@@ -2,18 +2,13 @@
 
 An extension is a folder below ``extensions/`` and a line of the table here, or another
 distribution with an entry point of the group ``cubicfish.extensions``. Nothing of it is loaded
-before it is asked.
+before it is asked; ``extension_guard.py`` does that.
 """
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from pkgutil import resolve_name
-
-from cubicfish import CubicfishError
+from typing import ClassVar
 
 GROUP = "cubicfish.extensions"
 """Entry points of this group name the :class:`Extension` of another distribution."""
@@ -35,6 +30,7 @@ class CameraFormat:
     """A format of other tools' camera files; functions are named by ``module:name``.
 
     Attributes:
+        extension: whose it is; no key of the file.
         name: it is read under this one.
         reads: what is read, for people.
         read: path -> lens, with ``camera`` where it :attr:`holds_several` and ``image_size`` where
@@ -57,6 +53,9 @@ class CameraFormat:
 
     """
 
+    checked_fields: ClassVar = True
+
+    extension: str
     name: str
     reads: str = ""
     read: str = ""
@@ -84,6 +83,8 @@ class Input:
 
     """
 
+    checked_fields: ClassVar = True
+
     among: str
     photos: str
 
@@ -93,11 +94,13 @@ class Output:
     """What is made of a calibration while it is at hand, and written beside camera.yaml.
 
     Attributes:
-        file: its name.
+        file: its name in the calibration's folder.
         content: ``module:name`` of the function (fit, its pairs, the photos' files) -> content.
         needs: libraries without which there is none.
 
     """
+
+    checked_fields: ClassVar = True
 
     file: str
     content: str
@@ -115,65 +118,19 @@ class Extension:
         formats: a file of :class:`CameraFormat` by their names, in which other tools keep cameras.
         outputs: what ``--report`` adds to a calibration: kind -> what it is.
         words: a file of its sentences, as words/catalogue.toml has them.
+        needs: names of other extensions: its modules may import theirs, and it is left out where
+            one of them is not there.
+
+    What it adds may not be called as something of the core, or of another extension: commands, the
+    kinds and files of outputs, formats. A command of another's group needs that extension.
 
     """
+
+    checked_fields: ClassVar = True
 
     commands: Mapping[str, str] = field(default_factory=dict)
     inputs: Sequence[Input] = ()
     formats: Path | None = None
     outputs: Mapping[str, Output] = field(default_factory=dict)
     words: Path | None = None
-
-
-@cache
-def extensions() -> tuple[Extension, ...]:
-    """Those of the table, and those that are installed beside the package.
-
-    Raises:
-        CubicfishError: an installed one cannot be loaded.
-
-    """
-    own = map(resolve_name, TABLE.values())
-    return (*own, *map(_load_installed, entry_points(group=GROUP)))
-
-
-def _load_installed(entry: EntryPoint) -> Extension:
-    try:
-        found = entry.load()
-    except Exception as problem:
-        raise CubicfishError(
-            f"the extension {entry.name} ({entry.value}) cannot be loaded: {problem}: install it "
-            "again, or remove it"
-        ) from problem
-    if not isinstance(found, Extension):
-        raise CubicfishError(
-            f"the extension {entry.name} ({entry.value}) is no "
-            "cubicfish_cli.extension_table.Extension: update it, or remove it"
-        )
-    return found
-
-
-def extension_commands(group: str = "") -> dict[str, str]:
-    """The commands of all extensions: name -> ``module:command``; of a group, those within it."""
-    named = [
-        (name.rpartition(" "), at) for one in extensions() for name, at in one.commands.items()
-    ]
-    return {name: place for (of, _, name), place in named if of == group}
-
-
-@cache
-def camera_formats() -> tuple[CameraFormat, ...]:
-    """The formats of all extensions."""
-    files = [one.formats for one in extensions() if one.formats is not None]
-    tables = [tomllib.loads(file.read_text(encoding="utf-8")) for file in files]
-    return tuple(CameraFormat(name=name, **own) for table in tables for name, own in table.items())
-
-
-def written_formats() -> dict[str, CameraFormat]:
-    """The format of each name that one is written under."""
-    return {name: one for one in camera_formats() for name in one.written}
-
-
-def read_formats() -> dict[str, CameraFormat]:
-    """The format of each name that one is read under."""
-    return {one.name: one for one in camera_formats() if one.read}
+    needs: Sequence[str] = ()

@@ -17,14 +17,14 @@ from cubicfish import (
     Run,
     load_corners,
 )
-from cubicfish.files.fingerprint import Fingerprint, fingerprint
+from cubicfish.files import Fingerprint
 from cubicfish.find.identification.identified import line_of
 from cubicfish.io.corners_csv import load_correspondences
 from cubicfish.photos.photos import VIDEO_SUFFIXES
 from cubicfish.target.target import target_text
-from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import holds_world_points, is_recording, named_photos, tables_among
 from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Calibration
@@ -116,10 +116,10 @@ def load_inputs(
     tables = tables_among(inputs)
     pairs = correspondences or next(filter(holds_world_points, tables), None)
     if pairs is not None:
-        file = fingerprint(pairs)
+        file = Fingerprint.of(pairs)
         loaded = Inputs(pairs=load_correspondences(pairs, image_size=image_size), files=(file,))
     elif tables:
-        target_file, file = target.fingerprint(), fingerprint(tables[0])
+        target_file, file = target.fingerprint(), Fingerprint.of(tables[0])
         corners = load_corners(tables[0], target.load(run.listener)[0], image_size=image_size)
         loaded = Inputs(pairs=corners, corners=corners, files=(file,), target_file=target_file)
     else:
@@ -137,7 +137,7 @@ def load_inputs(
             run.listener.tell(Event.PHOTOS_CHOSEN, chosen=len(photos), photos=count, ended=ended)
         elif most is None and len(photos) > _MANY:
             run.listener.tell(Event.MANY_PHOTOS, photos=len(photos))
-        files = tuple(fingerprint(photo.path) for photo in photos)
+        files = tuple(Fingerprint.of(photo.path) for photo in photos)
         detection = find_corners(photos, targets, run)
         loaded = Inputs(
             pairs=detection.corners,

@@ -3,8 +3,9 @@
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
-from cubicfish.errors import MISSING, CubicfishError
+from cubicfish.errors import CubicfishError
 
 MAX_BYTES = 2_000_000_000
 """Of any one file that is read; most kinds have bounds far below."""
@@ -23,34 +24,25 @@ class Fingerprint:
     path: Path
     sha256: str
 
+    @classmethod
+    def of(cls, path: Path) -> Self:
+        """Take a file's fingerprint, before it is read.
 
-def fingerprint(path: Path) -> Fingerprint:
-    """Take a file's fingerprint, before it is read.
+        Raises:
+            CubicfishError: the file cannot be read.
 
-    Raises:
-        CubicfishError: the file cannot be read.
-
-    """
-    try:
-        if path.exists() and not path.is_file():  # a pipe can be read only once
-            raise CubicfishError(f"{path} is not a file: give the name of one")
-        if path.stat().st_size > MAX_BYTES:
-            raise CubicfishError(f"{path} is larger than {MAX_BYTES / 1e9:g} GB: is it right?")
-        return Fingerprint(path=path, sha256=sha256_of(path))
-    except FileNotFoundError as error:
-        raise CubicfishError(f"{path} {MISSING}") from error
-    except OSError as error:
-        raise CubicfishError(
-            f"{path} cannot be read ({error.strerror or error}): check its name and permissions"
-        ) from error
-
-
-def sha256_of(path: Path) -> str:
-    """The SHA-256 of a file's bytes, as 64 hexadecimal digits.
-
-    Raises:
-        OSError: the file cannot be read.
-
-    """
-    with Path(path).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        """
+        try:
+            if path.exists() and not path.is_file():  # a pipe can be read only once
+                raise CubicfishError(f"{path} is not a file: give the name of one")
+            if path.stat().st_size > MAX_BYTES:
+                raise CubicfishError(f"{path} is larger than {MAX_BYTES / 1e9:g} GB: is it right?")
+            with path.open("rb") as file:
+                sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        except FileNotFoundError as error:
+            raise CubicfishError.missing(path) from error
+        except OSError as error:
+            raise CubicfishError(
+                f"{path} cannot be read ({error.strerror or error}): check its name and permissions"
+            ) from error
+        return cls(path=path, sha256=sha256)

@@ -6,8 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
-from cubicfish.fit.cubic_fit import CameraFit, PriorChoice
+from cubicfish.fit.cubic_fit import CameraFit
 from cubicfish.fit.held_out import HeldOut
+from cubicfish.fit.prior import Prior
 from cubicfish.io.camera_yaml import Calibrated, load_camera
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.fit_record import Departure, DroppedCorner
@@ -50,8 +51,8 @@ class Calibration(Calibrated):
     pairs: Observations
     residual: FloatArray
     held_out: HeldOut | None
-    prior: PriorChoice
-    runners_up: Mapping[PriorChoice, float]
+    prior: Prior
+    runners_up: Mapping[Prior, float]
     unfit: dict[str, Finding]
     target: Target | None
     renamed: Mapping[str, Symmetry]

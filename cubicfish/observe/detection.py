@@ -36,7 +36,7 @@ from cubicfish.find.identification.second_pass import (
 )
 from cubicfish.judge.codes import Code, Severity, words
 from cubicfish.judge.finding import Finding
-from cubicfish.listener import SILENT, Event, Listener
+from cubicfish.listener import Event, Listener
 from cubicfish.observe.photo_detection import (
     GridCache,
     PhotoDetection,
@@ -47,7 +47,6 @@ from cubicfish.photos.photos import Photo, find_photos, refuse_no_picture
 from cubicfish.run import Run
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
-from cubicfish.wording import plural
 from cubicfish.workers.pool import Work
 
 if TYPE_CHECKING:
@@ -62,7 +61,7 @@ def detect(
     *,
     jobs: int | None = 1,
     cache: StrPath | None = None,
-    listener: Listener = SILENT,
+    listener: Listener = Listener(),
 ) -> Detection:
     """Find the corners of ``target`` in photos and name them, as ``cubicfish detect`` does.
 
@@ -404,4 +403,5 @@ def _explain_no_checkerboard(found: Sequence[PhotoDetection]) -> DetectionError:
         if words().has(most.code, case):
             figures = {**most.figures, "photos": len(found)}
             return DetectionError(replace(most, case=case, figures=figures).line)
-    return DetectionError(f"{plural(len(found), 'photo')}, no checkerboard: {most.line}")
+    photos = f"{len(found):,} photo{'s' * (len(found) != 1)}"
+    return DetectionError(f"{photos}, no checkerboard: {most.line}")

@@ -339,6 +339,11 @@ def rig_file(given: str | os.PathLike[str]) -> Path:
     return path
 
 
+def rig_files(file: Path, rig: Rig) -> list[Path]:
+    """The files that a rig was read from: rig.yaml, and the camera.yaml of each of its cameras."""
+    return [file, *(file.parent / one.path for one in rig.cameras)]
+
+
 def load_rig(given: str | os.PathLike[str]) -> Rig:
     """Read rig.yaml, or that of a folder, and the camera.yaml of each of its cameras.
 

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath
 
 from cubicfish.errors import CorrespondenceError, FitError, UsageError
-from cubicfish.files.frame_names import film_and_time
+from cubicfish.files.frame_names import FrameName
 from cubicfish.files.tables import read_table
-from cubicfish.photos.photos import shown
-from cubicfish.wording import quoted
+from cubicfish.wording import quoted, shown
 
 TOLERANCE = 5e-3
 """How far apart photos of one time may be, seconds."""
@@ -41,7 +40,7 @@ Times = Mapping[str, Mapping[str, float]]
 def match_shots(
     photos: Mapping[str, Sequence[str]],
     shots: Matching,
-    tolerance: float = TOLERANCE,
+    tolerance: float | None = None,
     times: Times | None = None,
 ) -> Shots:
     """The shots of photos (by camera), as :func:`calibrate_rig` is asked for them.
@@ -57,7 +56,7 @@ def match_shots(
     if shots == "time":
         known = times or {}
         found = {camera: times_of(names, known.get(camera)) for camera, names in photos.items()}
-        return shots_by_time(photos, found, tolerance)
+        return shots_by_time(photos, found, TOLERANCE if tolerance is None else tolerance)
     if isinstance(shots, str):
         raise FitError(f"shots {quoted(shots)} is not known: use 'name', 'time', or rows")
     return shots_of_table(photos, shots)
@@ -162,23 +161,28 @@ def shots_by_name(photos: Mapping[str, Sequence[str]]) -> Shots:
     )
 
 
-def times_of(photos: Iterable[str], times: Mapping[str, float] | None) -> dict[str, float | None]:
-    """When photos were taken, by a table (in which folders may be left out), or by their names."""
+def times_of(photos: Iterable[str], times: Mapping[str, float] | None) -> dict[str, float]:
+    """When photos were taken, by a table (in which folders may be left out), or by their names.
+
+    Photos whose time is not known are left out.
+    """
     if times is None:
-        return {photo: time_of(photo) for photo in photos}
-    return {photo: times.get(photo, times.get(os.path.basename(photo))) for photo in photos}
+        found = {photo: time_of(photo) for photo in photos}
+    else:
+        found = {photo: times.get(photo, times.get(os.path.basename(photo))) for photo in photos}
+    return {photo: time for photo, time in found.items() if time is not None}
 
 
 def shots_by_time(
     photos: Mapping[str, Sequence[str]],
-    times: Mapping[str, Mapping[str, float | None]],
+    times: Times,
     tolerance: float,
 ) -> Shots:
     """Photos (by camera) that were taken at one time are one shot: each with the nearest of others.
 
     Args:
         photos: by camera, their names.
-        times: by camera and photo, seconds on one clock; None where not known.
+        times: by camera and photo, seconds on one clock, as far as known.
         tolerance: how far from the first of a shot the others may be, seconds.
 
     Raises:
@@ -283,7 +287,7 @@ def time_of(photo: str) -> float | None:
     A frame of a film has it, and so have names that hold a time since 1970 (in seconds, or
     whole milliseconds, microseconds or nanoseconds), or nothing but a number with a point.
     """
-    frame = film_and_time(photo)
+    frame = FrameName.read(photo)
     if frame is not None:
         return frame[1]
     path = PurePath(photo)

@@ -8,19 +8,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from cubicfish import Event, OutputError, Run, UsageError
-from cubicfish.files import Content, StrPath, refuse_existing, write_files
-from cubicfish.run import RUN, made_at, made_by_record
-from cubicfish.wording import plural
-from cubicfish_cli.extension_table import Output, extensions
+from cubicfish import CubicfishError, Event, Run, UsageError
+from cubicfish.files import Content, StrPath, write_files
+from cubicfish_cli.core_table import CALIBRATION_FILES, FRAMES
+from cubicfish_cli.extension_guard import Place, extensions
 from cubicfish_cli.films import MOST
 from cubicfish_cli.inputs.paths import check_inputs, path_or_none, paths_of, tables_among
 from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.render.pages import PAGE
 from cubicfish_cli.terminal import figures, parameters
@@ -40,7 +39,7 @@ from cubicfish_cli.terminal.terminal import (
     print_wrote,
     result,
 )
-from cubicfish_cli.words.phrases import counted
+from cubicfish_cli.words.phrases import counted, plural
 
 if TYPE_CHECKING:
     from cubicfish import Calibration, CubicCamera, Observations, Target, Verdict
@@ -50,15 +49,6 @@ if TYPE_CHECKING:
     from cubicfish_cli.observe import Inputs
 
 _LONGEST_TITLE = 100
-
-NAMES = {
-    "camera": "camera.yaml",
-    "map": "undistort_map.npz",
-    "target": "target.refined.yaml",
-    "corners": "corners.csv",
-    "drawn": "target.yaml",
-}
-"""Names of the files, by content; the camera is removed first and written last."""
 
 # Only a calibration makes them, for its own camera. A corners.csv may be the user's own.
 _ITS_OWN = ("map", "target")
@@ -155,7 +145,7 @@ class CalibratedFiles:
     Attributes:
         fitted: the fit; a :class:`PointCalibration` where the lift was ``point``.
         inputs: what it was fitted to.
-        files: what was written, by its name in :data:`NAMES`.
+        files: what was written, by its name in :data:`CALIBRATION_FILES`.
         removed: files of an earlier calibration that were removed.
         advice: one line on what to photograph next; None for the lift ``point``.
 
@@ -182,7 +172,7 @@ class CalibratedFiles:
         }
 
 
-def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedFiles:
+def calibrate_files(options: CalibrateOptions, *, run: Run = Run()) -> CalibratedFiles:
     """Calibrate a camera from files into a folder, as ``cubicfish calibrate`` does.
 
     Everything is written together at the end, or nothing is, but for frames of films.
@@ -202,33 +192,34 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
         raise UsageError("--refine-target does not go with 2D-3D pairs, which have no target")
     if options.most is not None and (pairs is not None or tables_among(paths)):
         raise UsageError("--most goes with photos and films, not with CSV files")
-    made_at()  # an unusable date is an error before the work, not after
+    run.date()  # an unusable date is an error before the work, not after
     from cubicfish_cli.observe import load_inputs, recorded_as
     from cubicfish_cli.words.sufficiency import summary
 
-    read = [path for path in (*paths, source.path, pairs) if path is not None]
-    more = {kind: made for one in extensions() for kind, made in one.outputs.items()}
-    names = {**NAMES, **{kind: one.file for kind, one in more.items()}}
+    plan = Plan(run).reads(paths, source, pairs)
+    more = {
+        kind: (name, made)
+        for name, one in extensions().items()
+        for kind, made in one.outputs.items()
+    }
+    names = {**CALIBRATION_FILES, **{kind: one.file for kind, (_, one) in more.items()}}
     goals = {kind: folder / name for kind, name in names.items()}
     # Corners that were read from this very file need not be written again.
-    with_corners = bool(paths) and not _is_among(read, goals["corners"])
+    with_corners = bool(paths) and not plan.is_read(goals["corners"])
     kinds = {"corners": with_corners, "drawn": source.needs_file}
-    for kind, one in more.items():
+    for kind, (_, one) in more.items():
         kinds[kind] = options.report and not extra.missing(one.needs)
     own = [kind for kind, wanted in kinds.items() if wanted]
-    kinds_refused = ("camera", "map", "target", *own)
-    refuse_existing(*(goals[kind] for kind in kinds_refused), overwrite=run.overwrite)
-    if options.refine_target != "off" and _is_among(read, goals["target"]):
-        raise OutputError(
-            f"{goals['target']} would be replaced, and is what this calibration is made from: "
-            "choose another folder with -o"
-        )
+    may_refine = options.refine_target != "off" or not plan.is_read(goals["target"])
+    refined = ["target"] if may_refine else []
+    plan.writes(*(goals[kind] for kind in ("camera", "map", *refined, *own)))
     photos, chosen = paths, None
-    for others_kind in (kind for one in extensions() for kind in one.inputs):
-        others = resolve_name(others_kind.among)(photos)
+    kinds_of_inputs = [(name, one) for name, own in extensions().items() for one in own.inputs]
+    for name, others_kind in kinds_of_inputs:
+        others = Place(name, others_kind.among).attempt(photos)
         if others:
-            make_photos = resolve_name(others_kind.photos)
-            made, chosen = make_photos(others, folder / "frames", source, options.most, run)
+            make_photos = Place(name, others_kind.photos).load()
+            made, chosen = make_photos(others, folder / FRAMES, source, options.most, run)
             photos = [*(path for path in photos if path not in others), *made]
     loaded = load_inputs(
         photos, source, run, correspondences=pairs, image_size=options.image_size, most=options.most
@@ -253,7 +244,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
         fitted = calibrate(loaded.given, **how, listener=run.listener)
         loaded = loaded.named_by(fitted)
     named = {} if options.title is None else {"title": options.title}
-    made_by = {**named, **made_by_record(run.command, how, loaded.target_file, loaded.files)}
+    made_by = {**named, **run.made_by(how, loaded.target_file, loaded.files)}
     chosen = loaded.chosen or chosen
     if chosen is not None:
         made_by["chosen"] = chosen
@@ -264,13 +255,13 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
     if contents.get("map") is None and options.lift == "ray":
         width, height = fitted.camera.image_size
         run.listener.tell(Event.NO_MAP, width=width, height=height)
-    for kind, one in more.items():
+    for kind, (name, one) in more.items():
         if kinds[kind]:
-            contents[kind] = _make_output(one, fitted, loaded, run)
+            contents[kind] = _make_output(Place(name, one.content), fitted, loaded, run)
     run.listener.progress("Writing")
     files = {kind: path for kind, path in goals.items() if contents.get(kind) is not None}
     others = [goals[kind] for kind in (*_ITS_OWN, *more) if kind not in files]
-    obsolete = [path for path in others if path.is_file() and not _is_among(read, path)]
+    obsolete = [path for path in others if path.is_file() and not plan.is_read(path)]
     write_files(
         {path: contents[kind] or "" for kind, path in files.items()},
         overwrite=run.overwrite,
@@ -285,17 +276,12 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
     )
 
 
-def _is_among(inputs: Sequence[Path], path: Path) -> bool:
-    """Return whether a file is an input of the calibration."""
-    return path.exists() and any(one.exists() and path.samefile(one) for one in inputs)
-
-
 def _make_contents(
     fitted: Calibration | PointCalibration,
     corners: Observations | None,
     nominal: str | None,
 ) -> dict[str, Content | None]:
-    """Return the contents of the files of a fit, but for the report, by :data:`NAMES`.
+    """Return the contents of the files of a fit, but for the report, by :data:`CALIBRATION_FILES`.
 
     ``map`` is None where it would take gigabytes.
     """
@@ -327,20 +313,18 @@ def _make_map(camera: CubicCamera) -> Content | None:
 
 
 def _make_output(
-    wanted: Output, fitted: Calibration | PointCalibration, loaded: Inputs, run: Run
+    maker: Place, fitted: Calibration | PointCalibration, loaded: Inputs, run: Run
 ) -> Content | None:
     """Return the content that an extension makes of a fit, such as a page.
 
     A camera that was hard to get is not lost because a page about it cannot be made: then there
-    is no page, and the listener is told.
+    is no page, and the user is told.
     """
     run.listener.progress("Making the report")
     try:
-        make = resolve_name(wanted.content)
-        content: Content = make(fitted, loaded.pairs, loaded.photos)
-    except Exception as problem:  # libraries may be broken in ways of their own
-        what = f"{type(problem).__name__}: {problem}".splitlines()[0]
-        run.listener.tell(Event.NO_PAGE, problem=what)
+        content: Content | None = maker.attempt(fitted, loaded.pairs, loaded.photos)
+    except CubicfishError as problem:
+        maker.warn_of(problem)
         return None
     return content
 

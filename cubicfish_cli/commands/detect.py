@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
-from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import named_photos, paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import figures, parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record, target_options
 from cubicfish_cli.terminal.progress import How, report_found
 from cubicfish_cli.terminal.terminal import print_message, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Detection, Target
@@ -87,7 +87,7 @@ class DetectedFiles:
         }
 
 
-def detect_files(options: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
+def detect_files(options: DetectOptions, *, run: Run = Run()) -> DetectedFiles:
     """Find the corners of a target in photos and write them, as ``cubicfish detect`` does.
 
     Raises:
@@ -99,17 +99,17 @@ def detect_files(options: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
     source, file = TargetSource.of(options.target), Path(options.table)
     source.check()
     from cubicfish import save_corners
-    from cubicfish.files import refuse_existing
     from cubicfish.observe import find_corners
     from cubicfish.photos import read_grey
     from cubicfish_cli.render.drawings import drawings
     from cubicfish_cli.render.overlay import draw_found
     from cubicfish_cli.undistortion.images import write_picture
 
-    refuse_existing(file, overwrite=run.overwrite)
+    plan = Plan(run).reads(options.photos, source)
+    plan.writes(file)
     found = named_photos(paths_of(options.photos), run.listener)
     pictures = {} if options.draw is None else drawings(Path(options.draw), found)
-    refuse_existing(*pictures.values(), overwrite=run.overwrite)
+    plan.writes(*pictures.values())
     detection = find_corners(found, source.load(run.listener), run)
     save_corners(file, detection.corners, overwrite=run.overwrite)
     if options.draw is None:

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
-from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import check_inputs, in_folder, paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.terminal import figures, parameters
 from cubicfish_cli.terminal.parameters import as_command, record, target_options
 from cubicfish_cli.terminal.progress import How, report_found, report_left_out
 from cubicfish_cli.terminal.terminal import print_message, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import CameraFile, CubicCamera, Evaluation, Target, Verdict
@@ -75,7 +74,7 @@ class EvaluatedFiles:
         return {**self.evaluation.as_record(), **uncertainty, **self.inputs.remarks()}
 
 
-def evaluate_files(options: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFiles:
+def evaluate_files(options: EvaluateOptions, *, run: Run = Run()) -> EvaluatedFiles:
     """Measure a camera on photos or tables in files, as ``cubicfish evaluate`` does.
 
     Raises:

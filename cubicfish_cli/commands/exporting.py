@@ -4,17 +4,15 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
 
-from cubicfish import CubicfishError, FitError
-from cubicfish.fit.to_lens import Conversion, to_lens
+from cubicfish import CubicfishError, FitError, did_you_mean, quoted
+from cubicfish.fit.exported_lens import Conversion, to_lens
 from cubicfish.io.camera_yaml import Calibrated
-from cubicfish.wording import did_you_mean, quoted
 from cubicfish_cli import __version__
-from cubicfish_cli.extension_table import written_formats
+from cubicfish_cli.extension_guard import Place, written_formats
 from cubicfish_cli.foreign.file_contents import PlacedLens
 from cubicfish_cli.foreign.foreign_files import OWN_FIELD
 from cubicfish_cli.viewpoints.truth import rotation_matrix
@@ -42,7 +40,8 @@ class Exported(PlacedLens):
     @property
     def text(self) -> str:
         """The text of the format's file."""
-        text: str = resolve_name(written_formats()[self.to].write)(self)
+        made = written_formats()[self.to]
+        text: str = Place(made.extension, made.write).load()(self)
         return text
 
     def as_record(self) -> dict[str, Any]:
@@ -96,7 +95,7 @@ def export_camera(
     convert = partial(
         to_lens,
         camera,
-        resolve_name(known[to].written[to]["lens"]),
+        Place(known[to].extension, known[to].written[to]["lens"]).load(),
         covered_deg=covered if math.isfinite(covered) else None,
     )
     conversion = convert(max_angle_deg=max_angle_deg)

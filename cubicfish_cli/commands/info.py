@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
-from cubicfish.wording import plural
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import print_verdict, px
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish.io.camera_yaml import CameraRecord
@@ -77,7 +76,7 @@ class CameraInfo:
         }
 
 
-def info_files(options: InfoOptions, *, run: Run = RUN) -> CameraInfo:
+def info_files(options: InfoOptions, *, run: Run = Run()) -> CameraInfo:
     """Read a camera's figures, as ``cubicfish info`` does.
 
     Raises:

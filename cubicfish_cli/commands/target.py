@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish import OutputError, Run, UsageError
-from cubicfish.files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN
-from cubicfish.wording import plural
+from cubicfish.files import StrPath, write_files
+from cubicfish_cli.core_table import COMMANDS, commands_of
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.inputs.target_source import target_in
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.main import LazyGroup
@@ -27,6 +27,7 @@ from cubicfish_cli.terminal.parameters import (
 )
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_table, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Target
@@ -195,7 +196,7 @@ def _describe_turn(turn: Turn, *, alone: bool) -> str:
     return _write_check("turned", angle_deg=turn.angle_deg, axis=axis, moved=moved)
 
 
-def check_target_files(options: CheckOptions, *, run: Run = RUN) -> TargetCheck:
+def check_target_files(options: CheckOptions, *, run: Run = Run()) -> TargetCheck:
     """Judge the target in a file, and draw it, as ``cubicfish target check`` does.
 
     Raises:
@@ -211,7 +212,7 @@ def check_target_files(options: CheckOptions, *, run: Run = RUN) -> TargetCheck:
         if path.suffix.lower() != ".svg":
             raise OutputError(f"{path}: drawings are SVG: end the name in .svg")
         extra.require(extra.PRINTING, "a drawing")
-        refuse_existing(path, overwrite=run.overwrite)
+        Plan(run).reads(options.target).writes(path)
     loaded = target_in(options.target).as_printed()
     run.listener.progress("Looking at the target from all sides")
     checked = check_target(loaded)
@@ -295,7 +296,7 @@ def _write_direction(axis: Iterable[float]) -> str:
 @click.group(
     "target",
     cls=LazyGroup,
-    own={"check": "cubicfish_cli.commands.target:check"},
+    own=commands_of(COMMANDS, "target"),
     of="target",
     short_help="Print or check the calibration target, before any photo.",
     epilog=examples(

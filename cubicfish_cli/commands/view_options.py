@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish import UsageError
-from cubicfish.wording import either
+from cubicfish import UsageError, listed
 from cubicfish_cli.terminal.parameters import (
     SIZE,
     FloatRange,
@@ -78,7 +77,7 @@ def _make_options(
 
 def view_bundle(
     *,
-    kinds: str = either(KINDS),
+    kinds: str = listed(KINDS, word="or"),
     kind_default: str = "perspective, in which straight lines are straight",
     size_default: str = "the photo's",
     field_default: str = "perspective keeps the photo's scale in its middle, up to 120 along the "

@@ -12,9 +12,7 @@ from os.path import realpath
 from pathlib import Path
 from typing import Any
 
-from cubicfish import OutputError, PhotoError
-from cubicfish.errors import MISSING
-from cubicfish.photos import shown
+from cubicfish import OutputError, PhotoError, shown
 from cubicfish.photos.photos import MAX_PIXELS
 from cubicfish_cli.films.recordings import Recording, label_of
 from cubicfish_cli.inputs.paths import is_recording
@@ -65,8 +63,10 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
     # What matters comes back as an error. At any other level FFmpeg's threads wait for Python's
     # lock to say something, while Python, which holds it, waits for them to end.
     av.logging.set_level(None)
+    if not path.exists():
+        raise PhotoError.missing(path)
     if not path.is_file():
-        raise PhotoError(f"{shown(path)} {'is no file' if path.exists() else MISSING}")
+        raise PhotoError(f"{shown(path)} is no file")
     try:
         # As ``options`` PyAV before 18 hands them to every stream that it finds later on, too,
         # by a list that is as long as the streams known at first: MPEG files crash.

@@ -2,13 +2,12 @@
 
 import re
 from pathlib import Path
-from pkgutil import resolve_name
 from typing import Any
 
 from cubicfish import CameraFileError, UsageError
 from cubicfish.files import read_bytes, read_text
 from cubicfish.models import Lens
-from cubicfish_cli.extension_table import read_formats
+from cubicfish_cli.extension_guard import Place, read_formats
 
 OWN_FIELD = "the camera is trusted to"
 """What stands in our own files before the half-angle of the field, degrees."""
@@ -46,7 +45,7 @@ def read_foreign(
         given["camera"] = camera
     elif camera is not None:
         raise UsageError(f"{path} holds one camera: leave out --camera")
-    lens: Lens = resolve_name(made.read)(path, **given)
+    lens: Lens = Place(made.extension, made.read).load()(path, **given)
     if image_size is not None and image_size != lens.image_size:
         raise CameraFileError(
             "{} is for photos of {}x{} pixels, not of --size {}x{}: leave out --size".format(
@@ -79,14 +78,14 @@ def sniffed(path: Path) -> str:
     data = read_bytes(path, max_bytes=_SNIFFED_BYTES, error=CameraFileError)
     known = read_formats().values()
     for one in known:
-        if one.binary_looks_like and resolve_name(one.binary_looks_like)(data):
+        if one.binary_looks_like and Place(one.extension, one.binary_looks_like).attempt(data):
             return one.name
     text = read_text(path, max_bytes=_SNIFFED_BYTES, error=CameraFileError)
     for one in sorted(known, key=lambda one: one.vague):
         if any(all(mark in text for mark in marks) for marks in one.marks):
             return one.name
     for one in known:
-        if one.looks_like and resolve_name(one.looks_like)(text):
+        if one.looks_like and Place(one.extension, one.looks_like).attempt(text):
             return one.name
     if not text.strip():
         raise CameraFileError(f"{path} is empty: name the file that the other tool wrote")

@@ -9,10 +9,8 @@ from glob import has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish import CameraFileError, CubicfishError, Listener, UsageError
-from cubicfish.errors import MISSING
+from cubicfish import CameraFileError, CubicfishError, Listener, UsageError, quoted
 from cubicfish.files import StrPath
-from cubicfish.wording import quoted
 
 if TYPE_CHECKING:
     from cubicfish import Run
@@ -44,6 +42,12 @@ def in_folder(path: Path) -> Path:
         f"{path} is a folder without a {inside.name}: name the folder that 'cubicfish "
         "calibrate' wrote, or a camera file"
     )
+
+
+def calibration_files(model: Path) -> list[Path]:
+    """A camera's file, and the others of its calibration that may lie beside it."""
+    beside = ("corners.csv", "target.yaml", "target.refined.yaml")
+    return [model, *(model.with_name(name) for name in beside)]
 
 
 def paths_of(given: StrPath | Iterable[StrPath]) -> list[Path]:
@@ -92,7 +96,7 @@ def check_inputs(
     for path in inputs if correspondences is None else [correspondences]:
         file, _ = file_and_topic(path)
         if not os.path.lexists(file) and not has_magic(str(file)):
-            raise CubicfishError(f"{file} {MISSING}")
+            raise CubicfishError.missing(file)
     pairs = correspondences is not None or any(map(holds_world_points, tables))
     if not pairs:
         target.check()

@@ -4,19 +4,22 @@ Command modules are imported when they are named, and they import the libraries 
 work inside their bodies: help and usage errors answer at once.
 """
 
+from __future__ import annotations
+
 import signal
 import sys
 import traceback
+import warnings
 from collections.abc import Mapping
 from contextlib import suppress
 from pkgutil import resolve_name
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from cubicfish import CubicfishError
-from cubicfish.wording import did_you_mean
+from cubicfish import CubicfishError, did_you_mean
 from cubicfish_cli import __version__
+from cubicfish_cli.core_table import COMMANDS, commands_of
 from cubicfish_cli.terminal.parameters import DEBUG_KEY, common_options, examples
 from cubicfish_cli.terminal.start import EXIT_SIGNAL, ending_signal
 from cubicfish_cli.terminal.terminal import (
@@ -27,23 +30,10 @@ from cubicfish_cli.terminal.terminal import (
     safe,
 )
 
-EXIT_BROKEN_PIPE = 141  # what a shell reports for a program that SIGPIPE ended
+if TYPE_CHECKING:
+    from cubicfish_cli.extension_guard import Place
 
-COMMANDS = {
-    "target": "commands.target:command",
-    "calibrate": "commands.calibrate:command",
-    "detect": "commands.detect:command",
-    "evaluate": "commands.evaluate:command",
-    "compare": "commands.compare:command",
-    "info": "commands.info:command",
-    "undistort": "commands.undistort:command",
-    "map": "commands.map:command",
-    "project": "commands.points:project",
-    "unproject": "commands.points:unproject",
-    "export": "commands.export:command",
-    "transform": "commands.transform:command",
-}
-"""The commands in the order of the work, and where each is."""
+EXIT_BROKEN_PIPE = 141  # what a shell reports for a program that SIGPIPE ended
 
 
 class LazyGroup(click.Group):
@@ -65,13 +55,21 @@ class LazyGroup(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import the command's module and return the command."""
-        place = self._own.get(cmd_name) or self._list_added().get(cmd_name)
-        command: click.Command | None = None if place is None else resolve_name(place)
-        return command
+        if cmd_name in self._own:
+            command: click.Command = resolve_name(self._own[cmd_name])
+            return command
+        added = self._list_added().get(cmd_name)
+        return None if added is None else added.load_or_leave_out(click.Command)
 
-    def _list_added(self) -> Mapping[str, str]:
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands, but for those of an extension of which one cannot be loaded."""
+        for name in self.list_commands(ctx):
+            self.get_command(ctx, name)
+        super().format_commands(ctx, formatter)
+
+    def _list_added(self) -> Mapping[str, Place]:
         """List the commands of extensions, which are loaded where none of its own is meant."""
-        from cubicfish_cli.extension_table import extension_commands
+        from cubicfish_cli.extension_guard import extension_commands
 
         return extension_commands(self._of)
 
@@ -80,15 +78,29 @@ class LazyGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """As click does, with the nearest command when there is none of that name."""
         named = args and not args[0].startswith("-") and not ctx.resilient_parsing
-        if named and args[0] not in self._own:  # a shell that completes a line is told nothing
-            known = self.list_commands(ctx)
-            if args[0] not in known:
-                ctx.fail(f"No such command {args[0]!r}: {did_you_mean(args[0], known)}")
+        # A shell that completes a line is told nothing.
+        if named and self.get_command(ctx, args[0]) is None:
+            near = did_you_mean(args[0], self.list_commands(ctx))
+            ctx.fail(f"No such command {args[0]!r}: {near}")
         return super().resolve_command(ctx, args)
 
 
 class Program(LazyGroup):
     """All commands; what goes wrong in them is reported in one line."""
+
+    def main(self, *args: Any, **extra: Any) -> Any:
+        """Run the command line, or help a shell to complete one."""
+        from cubicfish_cli.extension_guard import ExtensionWarning
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ExtensionWarning)  # a shell is told nothing
+            return super().main(*args, **extra)
+
+    def make_context(self, *args: Any, **extra: Any) -> click.Context:
+        """Begin a command line; an extension that is left out is told in a line of its own."""
+        if not extra.get("resilient_parsing"):
+            _show_left_out_extensions()
+        return super().make_context(*args, **extra)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; what a user can cause ends in one line and an exit code."""
@@ -107,10 +119,33 @@ class Program(LazyGroup):
             why = _explain(error)
             if why is None:
                 raise
-            if ctx.meta.get(DEBUG_KEY):
+            if _is_debugging():
                 traceback.print_exception(error)
             raise Failure(safe(why)) from error
         return result
+
+
+def _is_debugging() -> bool:
+    context = click.get_current_context(silent=True)
+    return context is not None and bool(context.meta.get(DEBUG_KEY))
+
+
+def _show_left_out_extensions() -> None:
+    """Print warnings of extensions as other messages."""
+    from cubicfish_cli.extension_guard import ExtensionWarning
+
+    show_others = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+        if not issubclass(category, ExtensionWarning):
+            show_others(message, category, *where, **more)
+            return
+        print_always(f"warning: {safe(str(message))}")
+        if isinstance(message, Warning) and _is_debugging():
+            traceback.print_exception(message.__cause__)
+
+    warnings.simplefilter("always", ExtensionWarning)
+    warnings.showwarning = show
 
 
 def _end_by_signal() -> NoReturn:
@@ -140,7 +175,7 @@ def _explain(error: Exception) -> str | None:
 @common_options
 @click.group(
     cls=Program,
-    own={name: f"cubicfish_cli.{place}" for name, place in COMMANDS.items()},
+    own=commands_of(COMMANDS, ""),
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog=examples(
         "cubicfish calibrate photos/ --target target.yaml",

@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 import click
 from click.core import ParameterSource
 
-from cubicfish import CameraFileError, UsageError
-from cubicfish.wording import quoted
+from cubicfish import CameraFileError, UsageError, quoted
 from cubicfish_cli.inputs.paths import in_folder
 
 if TYPE_CHECKING:
@@ -369,8 +368,6 @@ def is_given(parameter: str) -> bool:
 
 def command_line() -> str:
     """The command that is being run, without what is by default and what changes no camera."""
-    from cubicfish.run import as_text
-
     context = click.get_current_context()
     words = context.command_path.split()
     for parameter in context.command.params:
@@ -389,7 +386,7 @@ def command_line() -> str:
             words.append(max(names or parameter.opts, key=len))
             if not isinstance(one, bool):
                 words.append("x".join(map(str, one)) if isinstance(one, tuple) else str(one))
-    return as_text(shlex.join(words))
+    return shlex.join(words)
 
 
 def verbosity() -> int:

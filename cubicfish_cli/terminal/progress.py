@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish import Listener, Run, UsageError
-from cubicfish.wording import plural
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import (
     CAMERA_KEY,
@@ -36,6 +35,7 @@ from cubicfish_cli.terminal.terminal import (
     print_message,
     safe,
 )
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Event, Finding

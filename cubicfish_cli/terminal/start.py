@@ -64,6 +64,10 @@ def prepare_process() -> None:
     open_closed_streams()
 
 
+class Interrupted(KeyboardInterrupt):
+    """A signal asks for the end: a KeyboardInterrupt of another class is nobody's request."""
+
+
 def ending_signal() -> int | None:
     """The signal that has asked for the end; None where none has.
 
@@ -80,7 +84,7 @@ def _set_handler(numbers: list[int], how: signal._HANDLER) -> None:
 def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
     global _ending_signal
     _ending_signal = number
-    raise KeyboardInterrupt
+    raise Interrupted
 
 
 def _interrupt_again(what: UnraisableHookArgs) -> None:

@@ -13,10 +13,10 @@ from pathlib import Path
 from threading import RLock
 from typing import TYPE_CHECKING, Any
 
-from cubicfish import ClusterError, CubicCamera, CubicfishError, Run, UndistortMap, View
+from cubicfish import ClusterError, CubicCamera, CubicfishError, Run, UndistortMap, View, shown
 from cubicfish.files import write_files
 from cubicfish.files.whole_files import remove_orphans
-from cubicfish.photos import Picture, shown
+from cubicfish.photos import Picture
 from cubicfish.photos.photos import decode_picture, one_opencv_thread, photo_size, read_file
 from cubicfish.views import camera_for_photos
 from cubicfish_cli.undistortion.choose import ChosenView, chosen_view

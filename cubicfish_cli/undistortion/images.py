@@ -24,13 +24,15 @@ from cubicfish import (
     View,
     ViewError,
     build_map,
+    did_you_mean,
+    quoted,
+    shown,
 )
 from cubicfish.files import write_files
-from cubicfish.photos import Picture, shown
+from cubicfish.photos import Picture
 from cubicfish.photos.photos import jpeg_segments, quiet_stderr, refuse_no_picture
 from cubicfish.views import PointProjector, camera_for_photos
 from cubicfish.views.maps import OUTSIDE
-from cubicfish.wording import did_you_mean, quoted
 from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.options import INTERPOLATIONS, Interpolation
 

@@ -306,9 +306,13 @@ def view_files(
         if mask is not None:
             files[part_name(mask, part)] = encode_picture(mask, np.uint8(255) * made.valid)
         if beside is not None:
-            path = part_name(beside, part).with_suffix(".view.yaml")
-            files[path] = view_text(made.view)
+            files[camera_path(beside, part)] = view_text(made.view)
     return files
+
+
+def camera_path(beside: Path, part: str = "") -> Path:
+    """Where the virtual camera of a part of a view goes, by what it goes beside."""
+    return part_name(beside, part).with_suffix(".view.yaml")
 
 
 def view_text(view: View) -> str:

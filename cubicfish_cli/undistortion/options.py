@@ -11,8 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from cubicfish import UsageError
-from cubicfish.wording import did_you_mean, either, quoted
+from cubicfish import UsageError, did_you_mean, listed, quoted
 
 if TYPE_CHECKING:
     from cubicfish import Target
@@ -182,7 +181,7 @@ def _refuse_too_wide(kind: str, axis: int, angle_deg: float) -> None:
         for name in PROJECTIONS
         if shows(name) and kind.startswith("epi") >= name.startswith("epi")
     ]
-    choose = f"{flat}--view {either(others)}" if others else "less"
+    choose = f"{flat}--view {listed(others, word='or')}" if others else "less"
     raise UsageError(
         f"--hfov {given}{angle_deg:g} is too wide: {view} shows {most} {way}: choose {choose}"
     )

@@ -29,10 +29,10 @@ from cubicfish import (
     UndistortMap,
     View,
     ViewError,
+    shown,
 )
 from cubicfish.files import whole_file
 from cubicfish.listener import Count
-from cubicfish.photos import shown
 from cubicfish.views.maps import OUTSIDE
 from cubicfish_cli.films.source import (
     decode,

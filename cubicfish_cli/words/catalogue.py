@@ -7,11 +7,10 @@ from pathlib import Path
 from string import Template
 from typing import Any, NamedTuple
 
-from cubicfish import CubicfishError, Event
+from cubicfish import CubicfishError, Event, listed
 from cubicfish.judge.codes import Code, Remedy
 from cubicfish.judge.finding import FindingText
-from cubicfish.wording import listed
-from cubicfish_cli.extension_table import extensions
+from cubicfish_cli.extension_guard import extensions
 from cubicfish_cli.words.phrases import Sentences
 
 _FILE = Path(__file__).with_name("catalogue.toml")
@@ -44,7 +43,7 @@ class Catalogue(NamedTuple):
 def catalogue() -> Catalogue:
     """Return the templates, with the parts that they share filled in."""
     data = tomllib.loads(_FILE.read_text(encoding="utf-8"))
-    for one in extensions():
+    for one in extensions().values():
         if one.words is not None:
             for table, own in tomllib.loads(one.words.read_text(encoding="utf-8")).items():
                 data[table] |= own

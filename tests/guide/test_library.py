@@ -623,7 +623,7 @@ def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path
     own = undistort_files(again, run=Run(overwrite=True)).files[0]
     flat = undistort(read_picture(PHOTOS[0]), fitted.camera)
     assert np.abs(read_picture(own).astype(int) - flat).mean() < 3  # JPEG
-    assert "is the photo itself" in refusal(
+    assert "is read here, and would be replaced" in refusal(
         OutputError,
         lambda: undistort_files(replace(options, output=photos), run=Run(overwrite=True)),
     )

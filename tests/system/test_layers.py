@@ -3,15 +3,19 @@
 import ast
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
+from pkgutil import resolve_name
+
+from cubicfish_cli.extension_table import TABLE
 
 # Modules that do not even load numpy, so that `--help` answers at once.
 LIGHT = {
     "cubicfish/__init__", "cubicfish/lazy", "cubicfish/errors", "cubicfish/wording",
     "cubicfish/files/whole_files", "cubicfish/files/reading", "cubicfish/files/plain_yaml",
-    "cubicfish/files/frame_names", "cubicfish_cli/__init__", "cubicfish_cli/extension_table",
+    "cubicfish/files/frame_names", "cubicfish/arguments", "cubicfish_cli/__init__",
+    "cubicfish_cli/core_table", "cubicfish_cli/extension_guard", "cubicfish_cli/extension_table",
 }  # fmt: skip
 
 ROOT = Path(__file__).parents[2]
@@ -83,13 +87,18 @@ def all_imported() -> dict[str, set[str]]:
     }
 
 
+def needs_of(extension: str) -> Sequence[str]:
+    """The other extensions that an extension says it needs."""
+    return resolve_name(TABLE[extension]).needs
+
+
 def breaks(file: str, module: str) -> bool:
     """Whether a file may not import a module of the package."""
     own, other = part_of(file), part_of(module)
     if other not in ORDER or own not in ORDER or own == other:
         return False
     if all(part.startswith("cubicfish_cli/extensions/") for part in (own, other)):
-        return True
+        return Path(other).name not in needs_of(Path(own).name)
     return ORDER.index(other) > ORDER.index(own)
 
 
@@ -102,6 +111,19 @@ def test_a_module_imports_only_what_stands_above_it() -> None:
         if below:
             wrong[file] = below
     assert wrong == {}
+
+
+def test_an_extension_needs_what_it_says() -> None:
+    for name in TABLE:
+        folder = f"cubicfish_cli/extensions/{name}"
+        used = {
+            Path(part_of(module)).name
+            for file, names in all_imported().items()
+            if part_of(file) == folder
+            for module in names
+            if module.startswith("cubicfish_cli.extensions.") and part_of(module) != folder
+        }
+        assert used == {*needs_of(name)}
 
 
 def test_every_part_is_there() -> None:

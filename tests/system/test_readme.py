@@ -17,8 +17,9 @@ from saved_maps import read_map
 from cubicfish import Rig, load_camera
 from cubicfish.rigs.rig import RigFit
 from cubicfish.target.target import load_target
-from cubicfish_cli.extension_table import extension_commands
-from cubicfish_cli.terminal.main import COMMANDS, cli
+from cubicfish_cli.core_table import COMMANDS, commands_of
+from cubicfish_cli.extension_guard import extension_commands
+from cubicfish_cli.terminal.main import cli
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -103,7 +104,7 @@ def test_the_figures_beside_other_tools_are_the_recorded_ones() -> None:
 
 def test_every_command_is_shown_on_some_page() -> None:
     shown = {args[0] for text in ALL.values() for args in command_lines(text)}
-    assert shown == {*COMMANDS, *extension_commands()}
+    assert shown == {*commands_of(COMMANDS, ""), *extension_commands()}
 
 
 @pytest.mark.parametrize("page", ALL, ids=lambda path: path.name)

@@ -5,15 +5,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from cubicfish import DetectionError, Listener, Run, Target
-from cubicfish.files.frame_names import frame_name
+from cubicfish import DetectionError, Listener, Run, Target, listed, shown
+from cubicfish.files import FrameName
 from cubicfish.observe import Glances
-from cubicfish.photos import Photo, shown
-from cubicfish.wording import listed, plural
+from cubicfish.photos import Photo
 from cubicfish_cli.films.choose import Scale, Seen
 from cubicfish_cli.films.frame_search import Search, why_ended
 from cubicfish_cli.films.scan import Measured, report_film, scan, still_px
 from cubicfish_cli.films.source import Film
+from cubicfish_cli.words.phrases import plural
 
 # So many frames are kept for each that may be chosen, at least one every so many seconds, and at
 # most so many.
@@ -129,7 +129,7 @@ def _list_candidates(measured: Sequence[Measured]) -> list[Candidate]:
     for number, film in enumerate(measured):
         taken = set()
         for index in sorted(film.kept):
-            name = frame_name(film.film.label, film.time[index])
+            name = str(FrameName(film.film.label, film.time[index]))
             if name in taken:  # less than a millisecond apart
                 name += f"_{index}"
             taken.add(name)

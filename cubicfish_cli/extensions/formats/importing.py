@@ -5,14 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cubicfish import CameraFile, CameraFileError
+from cubicfish import CameraFile, CameraFileError, did_you_mean, quoted
 from cubicfish.arrays import Refusal
 from cubicfish.files import StrPath
-from cubicfish.fit.from_lens import LARGEST_ANGLE_DEG, LARGEST_FIELD_DEG, ImportedCamera, from_lens
+from cubicfish.fit.imported_lens import (
+    LARGEST_ANGLE_DEG,
+    LARGEST_FIELD_DEG,
+    ImportedCamera,
+    from_lens,
+)
 from cubicfish.judge import FitRecord
 from cubicfish.models import Lens
-from cubicfish.wording import did_you_mean, quoted
-from cubicfish_cli.extension_table import read_formats
+from cubicfish_cli.extension_guard import read_formats
 from cubicfish_cli.foreign.foreign_files import own_field_deg, read_foreign
 
 _REFUSAL = Refusal(error=CameraFileError)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,15 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish import Event, Run, UsageError
-from cubicfish.files import StrPath, refuse_existing
-from cubicfish.run import RUN, made_at, made_by_record
-from cubicfish.wording import plural, quoted
+from cubicfish import Event, Run, UsageError, quoted
+from cubicfish.files import StrPath
 from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_rig
 from cubicfish_cli.films import MOST
 from cubicfish_cli.inputs.paths import in_folder, paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.render.pages import PAGE
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import enforce_max_rms, mark_of
@@ -31,6 +31,7 @@ from cubicfish_cli.terminal.parameters import (
 )
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import apart, print_message, print_wrote, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Rig, Target
@@ -134,7 +135,7 @@ class RigFiles:
         }
 
 
-def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
+def calibrate_rig_files(options: RigOptions, *, run: Run = Run()) -> RigFiles:
     """Calibrate several cameras on one body from files, as ``cubicfish rig calibrate`` does.
 
     Raises:
@@ -143,14 +144,15 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
             can be fitted.
 
     """
-    from cubicfish import calibrate_rig, load_camera, save_corners, save_rig
-    from cubicfish.io.camera_yaml import Calibrated
+    from cubicfish import calibrate_rig, load_camera, load_rig, save_corners, save_rig
+    from cubicfish.rigs.rig import REFINED
     from cubicfish.rigs.shots import TOLERANCE, load_shots, load_times
     from cubicfish_cli.extensions.rigs.films import keeping_frames, moving_corners, rig_frames
     from cubicfish_cli.extensions.rigs.inputs import (
         check_camera_inputs,
         is_calibrated,
         load_camera_inputs,
+        read_for,
     )
     from cubicfish_cli.extensions.rigs.report import write_rig_page
     from cubicfish_cli.films.scan import room_for_frames
@@ -176,15 +178,16 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
     ):
         if given and len(kept | {*lenses}) == len(called):
             raise UsageError(f"{name} is of cameras that are calibrated here: leave it out")
-    made_at()  # said before the work if it cannot be
+    run.date()  # said before the work if it cannot be
     place, listener = Path(options.folder), run.listener
     pages = [place / PAGE] if options.report and not extra.missing(extra.REPORT) else []
     own_files = [place / name / "camera.yaml" for name in called]
     corners = [place / name / "corners.csv" for name in called]
-    refuse_existing(place / "rig.yaml", *pages, *own_files, *corners, overwrite=run.overwrite)
+    refined = [place / REFINED] if options.refine_target != "off" else []
+    plan = Plan(run).reads(read_for(inputs), source, options.shots, options.times, lenses)
+    plan.writes(place / "rig.yaml", *pages, *own_files, *corners, *refined)
     known: dict[str, Calibrated] = {
-        name: one if isinstance(one, Calibrated) else load_camera(in_folder(Path(one)))
-        for name, one in lenses.items()
+        name: load_camera(one) if isinstance(one, Path) else one for name, one in lenses.items()
     }
     by = "films" if films else str(options.shots or ("time" if options.tolerance else "name"))
     refine_target = options.refine_target or "auto"
@@ -198,6 +201,7 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
                 room,
                 source.load(),
                 run,
+                plan,
                 most=options.most or MOST,
                 tolerance=options.tolerance,
             )
@@ -231,13 +235,13 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
                 "refine_target": refine_target,
                 "shots": by,
             }
-            made_by = made_by_record(run.command, asked_for, first.target_file, files)
+            made_by = run.made_by(asked_for, first.target_file, files)
             listener.progress("Writing")
             written = save_rig(place, rig, made_by=made_by, overwrite=run.overwrite)
             for path, own in zip(corners, loaded.values(), strict=True):
                 save_corners(path, own.pairs, overwrite=run.overwrite)
             for page in pages:
-                write_rig_page(written[0], page, run)
+                write_rig_page(load_rig(written[0]), page, run)
     return RigFiles(rig=rig, files=[*written, *corners, *pages])
 
 
@@ -258,7 +262,7 @@ def _refuse_unused(options: RigOptions, inputs: Sequence[Path], films: Sequence[
 
 def _name_lenses(
     lenses: Mapping[str, Calibrated | StrPath] | Sequence[Path], called: Sequence[str]
-) -> Mapping[str, Calibrated | StrPath]:
+) -> Mapping[str, Calibrated | Path]:
     """Cameras that are calibrated already, or their files, by name."""
     if not isinstance(lenses, Mapping):  # left=left_calibration
         lenses = {name: path for name, _, path in (str(one).partition("=") for one in lenses)}
@@ -268,7 +272,10 @@ def _name_lenses(
                 f"--lens {quoted(name)} names no camera: write NAME=FILE with one of "
                 f"{', '.join(called)}"
             )
-    return lenses
+    return {
+        name: in_folder(Path(one)) if isinstance(one, str | os.PathLike) else one
+        for name, one in lenses.items()
+    }
 
 
 def _name_cameras(inputs: Sequence[Path], given: str | None) -> list[str]:

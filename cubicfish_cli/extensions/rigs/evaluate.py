@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 
 from cubicfish import Event, Run, UsageError
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
-from cubicfish.wording import plural
 from cubicfish_cli.commands.evaluate import report_unplaced
 from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_evaluation
@@ -20,6 +18,7 @@ from cubicfish_cli.terminal.figures import enforce_max_rms
 from cubicfish_cli.terminal.parameters import as_command, record, target_options
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_json, print_message
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Target
@@ -52,7 +51,7 @@ class RigEvaluateOptions:
     times: StrPath | None = times_option
 
 
-def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = RUN) -> RigEvaluation:
+def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = Run()) -> RigEvaluation:
     """Measure a rig on files of its cameras, as ``cubicfish rig evaluate`` does.
 
     Raises:

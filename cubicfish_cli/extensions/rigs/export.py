@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
 from cubicfish import FitError, Run, UsageError
 from cubicfish.files import StrPath, write_files
-from cubicfish.run import RUN
 from cubicfish_cli.commands.export import LensOptions, print_exported
-from cubicfish_cli.extension_table import written_formats
+from cubicfish_cli.extension_guard import Place, written_formats
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_argument
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
 
@@ -47,7 +46,7 @@ class RigExportOptions(LensOptions):
     pair: tuple[str, str] | None = pair_option
 
 
-def export_rig_files(options: RigExportOptions, *, run: Run = RUN) -> ExportedFiles:
+def export_rig_files(options: RigExportOptions, *, run: Run = Run()) -> ExportedFiles:
     """Write all cameras of a rig, or two, with their places, as ``cubicfish rig export`` does.
 
     Raises:
@@ -57,7 +56,7 @@ def export_rig_files(options: RigExportOptions, *, run: Run = RUN) -> ExportedFi
 
     """
     from cubicfish import load_rig
-    from cubicfish.rigs.rig import rig_file
+    from cubicfish.rigs.rig import rig_file, rig_files
     from cubicfish_cli.commands.export import ExportedFiles
     from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, printed
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
@@ -82,8 +81,10 @@ def export_rig_files(options: RigExportOptions, *, run: Run = RUN) -> ExportedFi
         except FitError as problem:
             raise FitError(f"camera {one.name}: {problem}") from problem
         made.append((one, own))
-    text = resolve_name(formats[to].write_rig)(lens_rig(known, made))
+    write = Place(formats[to].extension, formats[to].write_rig).load()
+    text = write(lens_rig(known, made))
     texts = {goal: text} if isinstance(text, str) else {goal / n: one for n, one in text.items()}
+    Plan(run).reads(rig_files(path, known)).writes(*texts)
     written = write_files(texts, overwrite=run.overwrite, folder=goal)
     lines, warnings = [], []
     for one, lens in made:

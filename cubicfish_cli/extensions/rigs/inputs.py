@@ -7,9 +7,8 @@ from glob import has_magic
 from pathlib import Path
 
 from cubicfish import CameraFile, CorrespondenceError, Run, load_camera
-from cubicfish.files.fingerprint import fingerprint
+from cubicfish.files import Fingerprint
 from cubicfish.photos.photos import VIDEO_SUFFIXES
-from cubicfish.run import RUN
 from cubicfish_cli.films.recordings import label_of
 from cubicfish_cli.inputs.paths import check_inputs, is_recording, tables_among
 from cubicfish_cli.inputs.target_source import TargetSource
@@ -42,7 +41,7 @@ def check_camera_inputs(cameras: Sequence[Path], target: TargetSource, run: Run)
     """
     inputs = [_find_model_and_corners(path)[1] for path in cameras]
     searched = len(tables_among(inputs)) < len(inputs)
-    of_pairs = [check_inputs([one], target, RUN if searched else run) for one in inputs]
+    of_pairs = [check_inputs([one], target, Run() if searched else run) for one in inputs]
     return any(of_pairs)
 
 
@@ -65,6 +64,12 @@ def _find_model_and_corners(path: Path) -> tuple[Path | None, Path]:
     return model, corners
 
 
+def read_for(cameras: Sequence[Path]) -> list[Path]:
+    """What is read for cameras."""
+    both = [one for path in cameras for one in _find_model_and_corners(path)]
+    return [path for path in both if path is not None]
+
+
 def load_camera_inputs(
     sources: Sequence[Path], target: TargetSource, run: Run
 ) -> tuple[Inputs, CameraFile | None]:
@@ -74,4 +79,4 @@ def load_camera_inputs(
     run.listener.found(loaded.photo_findings)
     if model is None:
         return loaded, None
-    return replace(loaded, files=(*loaded.files, fingerprint(model))), load_camera(model)
+    return replace(loaded, files=(*loaded.files, Fingerprint.of(model))), load_camera(model)

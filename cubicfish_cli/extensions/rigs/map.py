@@ -8,13 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish import CameraFileError, Run, UsageError, ViewError
-from cubicfish.files import StrPath, refuse_existing
-from cubicfish.run import RUN
-from cubicfish.wording import either
+from cubicfish import CameraFileError, Run, UsageError, ViewError, listed
+from cubicfish.files import StrPath
 from cubicfish_cli.commands.map import MapFiles, files_of, photo_size_option, print_maps, write_maps
 from cubicfish_cli.commands.view_options import view_bundle
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_option
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
@@ -55,7 +54,7 @@ class RigMapOptions:
     rig: StrPath = rig_option
     pair: tuple[str, str] | None = pair_option
     view: View | ViewOptions | None = view_bundle(
-        kinds=f"{either(_KINDS)}; the last two about the line between the cameras",
+        kinds=f"{listed(_KINDS, word='or')}; the last two about the line between the cameras",
         size_default="the first camera's photo's; equirectangular is as large as what both see",
         field_default="perspective keeps the first photo's scale in its middle, up to 120 along "
         "the longer side; others show what both cameras see",
@@ -80,7 +79,7 @@ class PairMapFiles(MapFiles):
         return {**super().as_record(), "stereo": self.stereo}
 
 
-def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
+def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
     """Write a map for each of two cameras of a rig, as ``cubicfish rig map`` does.
 
     Returns:
@@ -96,10 +95,10 @@ def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
 
     from cubicfish import build_map, load_rig, rectify
     from cubicfish.files.plain_yaml import plain_yaml_text
-    from cubicfish.rigs.rig import rig_file
+    from cubicfish.rigs.rig import rig_file, rig_files
     from cubicfish.views import CentralView, camera_for_photos, sees
     from cubicfish_cli.undistortion.choose import ChosenView, chosen_view
-    from cubicfish_cli.undistortion.map_formats import MapInBands, map_paths
+    from cubicfish_cli.undistortion.map_formats import MapInBands, camera_path, map_paths
 
     goal, photo_size = Path(options.output), options.photo_size
     map_paths(goal)  # its name is refused first
@@ -111,7 +110,8 @@ def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
         raise CameraFileError(f"name two of the rig's cameras with --pair: {', '.join(both)}")
     about = goal.with_suffix(".stereo.yaml")
     plan = map_paths(goal, both)
-    refuse_existing(*files_of(plan), about, overwrite=run.overwrite)
+    register = Plan(run).reads(rig_files(path, loaded))
+    register.writes(*files_of(plan), about, *(camera_path(goal, one) for one in both))
     between = rectify(loaded, *both)
     if photo_size is not None:
         one, other = (camera_for_photos(loaded.camera(name).camera, photo_size) for name in both)
@@ -167,7 +167,8 @@ def _describe_row_aligned(view: View | ViewOptions | None) -> View | ViewOptions
     kind = (view.kind or "perspective").removeprefix("epipolar-")
     if kind not in _KINDS:
         raise UsageError(
-            f"rows of {kind} pictures do not agree between cameras: choose --view {either(_KINDS)}"
+            f"rows of {kind} pictures do not agree between cameras: choose --view "
+            f"{listed(_KINDS, word='or')}"
         )
     return view if kind == "perspective" else replace(view, kind=f"epipolar-{kind}")
 

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cubicfish.wording import plural
 from cubicfish_cli.terminal.figures import print_errors, print_verdict, px
 from cubicfish_cli.terminal.terminal import print_table, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Rig

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish import Listener, UndistortMap, ViewError
-from cubicfish.listener import SILENT
 from cubicfish.photos import Picture
 from cubicfish.photos.photos import natural_key, photo_size
 from cubicfish.rigs.shots import owners_of, shots_by_name
@@ -80,7 +79,7 @@ def body_for_photos(body: Body, shots: Mapping[str, Shot]) -> Body:
 
 
 def shots_of(
-    sources: Sequence[Path], cameras: Sequence[str], listener: Listener = SILENT
+    sources: Sequence[Path], cameras: Sequence[str], listener: Listener = Listener()
 ) -> dict[str, Shot]:
     """The shots that the user named: name -> the photo of each camera.
 

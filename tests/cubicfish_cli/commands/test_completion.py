@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from cubicfish_cli.extension_table import extension_commands
-from cubicfish_cli.terminal.main import COMMANDS
+from cubicfish_cli.core_table import COMMANDS, commands_of
+from cubicfish_cli.extension_guard import extension_commands
 
 HEAVY = {"numpy", "cv2", "scipy", "yaml", "rich", "matplotlib"}
 # Lines on stdin; on stdout, between zeros, how each is completed and at the end what was loaded.
@@ -34,7 +34,7 @@ def plain(*words: str) -> list[str]:
 
 
 EXPECTED = {
-    "cubicfish ": plain(*COMMANDS, *extension_commands()),
+    "cubicfish ": plain(*commands_of(COMMANDS, ""), *extension_commands()),
     "cubicfish un": plain("undistort", "unproject"),
     "cubicfish target p": plain("print"),
     "cubicfish undistort --vi": plain("--view"),
@@ -47,7 +47,7 @@ EXPECTED = {
     "cubicfish calibrate photos/ --target ta": ["file,ta"],
     "cubicfish calibrate photos/ --output ca": ["dir,ca"],
     "cubicfish detect photos/ --draw se": ["dir,se"],
-    "cubicfish nonsense ": plain(*COMMANDS, *extension_commands()),
+    "cubicfish nonsense ": plain(*commands_of(COMMANDS, ""), *extension_commands()),
     "cubicfish nonsense --wo": [],
 }
 """Lines that end where the cursor is, and ``kind,word`` for each way to complete them."""

@@ -15,7 +15,7 @@ from cubicfish import FitError, load_camera
 from cubicfish.geometry import inside_polygon
 from cubicfish_cli.commands.export import FORMATS
 from cubicfish_cli.commands.exporting import _round_up, export_camera, printed
-from cubicfish_cli.extension_table import (
+from cubicfish_cli.extension_guard import (
     camera_formats,
     read_formats,
     written_formats,

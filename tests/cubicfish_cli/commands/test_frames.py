@@ -16,7 +16,7 @@ from json_keys import keys_of
 from running import Run
 
 from cubicfish import load_camera
-from cubicfish.files.frame_names import film_and_time
+from cubicfish.files import FrameName
 from cubicfish.observe import glances
 
 pytestmark = pytest.mark.slow
@@ -44,7 +44,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def times(folder: Path) -> list[float]:
     """Seconds of the frames that were chosen."""
-    named = [film_and_time(path.name) for path in sorted(folder.glob("*.png"))]
+    named = [FrameName.read(path.name) for path in sorted(folder.glob("*.png"))]
     return [one[1] for one in named if one is not None]
 
 

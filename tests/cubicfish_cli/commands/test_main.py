@@ -5,6 +5,7 @@ import resource
 import signal
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,8 @@ from running import SAMPLE, Run
 import cubicfish
 from cubicfish import FitError
 from cubicfish_cli import __version__
-from cubicfish_cli.terminal.main import COMMANDS, cli
+from cubicfish_cli.core_table import COMMANDS, commands_of
+from cubicfish_cli.terminal.main import cli
 
 CUBICFISH = [sys.executable, "-m", "cubicfish_cli"]
 HEAVY = ("numpy", "cv2", "scipy", "yaml", "rich")
@@ -61,14 +63,19 @@ def test_a_table_is_calibrated_without_what_photos_films_and_rigs_need(tmp_path:
     code = (
         "import sys; from cubicfish_cli.terminal.main import cli\n"
         f"cli({list(map(str, args))!r}, standalone_mode=False)\n"
-        "print(*(name for name in sys.modules if name.startswith('cubicfish_cli.')))"
+        "print(*(name for name in sys.modules if name.startswith('cubicfish')))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = {*done.stdout.splitlines()[-1].split()}
-    needless = ("detection.finder", "films.source", "extensions.rigs.fit.start",
-                "identification.scene", "lenses.registry", "rendering.views")  # fmt: skip
+    needless = {
+        "cubicfish.find.detection.finder", "cubicfish.find.identification.scene",
+        "cubicfish.rigs.calibrate", "cubicfish_cli.films.source",
+        "cubicfish_cli.extensions.formats.lenses", "cubicfish_cli.render.overlay",
+    }  # fmt: skip
+    for name in needless:
+        assert find_spec(name) is not None, name
     assert "cubicfish.fit.model_selection" in loaded
-    assert not loaded & {f"cubicfish_cli.{name}" for name in needless}
+    assert not loaded & needless
 
 
 # What a command does not do: pages, drawings, films, clusters, tables on a terminal, statistics.
@@ -165,7 +172,7 @@ def test_the_check_for_heavy_libraries_sees_them(calibrated: Path, tmp_path: Pat
     assert "numpy" in said
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", commands_of(COMMANDS, ""))
 def test_every_command_has_help_with_an_example(run: Run, name: str) -> None:
     said = run(name, "-h").output
     assert run(name, "--help").output == said
@@ -244,7 +251,7 @@ def test_without_a_command_the_help_is_shown(args: list[str]) -> None:
 
 
 def test_no_help_has_lost_its_lines(run: Run) -> None:
-    for name in (*COMMANDS, "target check", "target print"):
+    for name in (*COMMANDS, "target print"):
         shown = run(*name.split(), "--help").stdout
         assert "\\b" not in shown, name  # click's mark for lines that stay as they are
         usage, _, _ = shown.partition("Examples:")

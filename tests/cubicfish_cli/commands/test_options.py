@@ -27,7 +27,7 @@ from cubicfish.find.identification.second_pass import Prediction
 from cubicfish.fit import calibrate as fit
 from cubicfish.fit import point_fit
 from cubicfish.observe import detection, glances
-from cubicfish.rigs import views
+from cubicfish.rigs import alone
 from cubicfish.target.target import load_target
 from cubicfish.views import camera_for_photos
 from cubicfish.workers import cluster, pool
@@ -389,7 +389,7 @@ def worked_out_once() -> Iterator[None]:
     """What most options do not change is worked out once: corners, their names, fits, poses."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fit, "calibrate", once(fit.calibrate))
-        patch.setattr(views, "calibrate", once(views.calibrate))
+        patch.setattr(alone, "calibrate", once(alone.calibrate))
         patch.setattr(cubicfish, "calibrate_rig", once(cubicfish.calibrate_rig))
         patch.setattr(cubicfish, "evaluate_rig", once(cubicfish.evaluate_rig))
         patch.setattr(exporting, "to_lens", once(exporting.to_lens))

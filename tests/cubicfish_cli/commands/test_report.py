@@ -137,7 +137,7 @@ def test_a_camera_is_not_lost_with_its_page(
 
     monkeypatch.setattr(page, "report_html", broken)
     said = run("calibrate", CORNERS, "-t", TARGET, "-o", tmp_path)
-    assert "report.html could not be made (RuntimeError: no fonts)" in said.stderr
+    assert "page_of_fit fails (RuntimeError: no fonts)" in said.stderr
     assert "report.html" not in said.stdout
     assert {path.name for path in tmp_path.iterdir()} == {
         "camera.yaml", "corners.csv", "undistort_map.npz",

@@ -6,7 +6,6 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
-from importlib.metadata import EntryPoint
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import NamedTuple
@@ -15,8 +14,7 @@ import pytest
 from running import ROOT, SAMPLE, Run
 
 import cubicfish_cli
-from cubicfish_cli import extension_table as extension
-from cubicfish_cli.extension_table import TABLE, Extension, extensions
+from cubicfish_cli.extension_table import TABLE
 
 
 def copied_without(name: str, folder: Path) -> None:
@@ -122,35 +120,3 @@ def test_a_rig_is_no_camera_and_the_command_says_what_is(run: Run, tmp_path: Pat
                 assert said.count("\n") == 1
                 assert ("is the folder of a rig" in said) == (given == tmp_path)
         assert "rig.yaml is of a rig" in said
-
-
-@pytest.fixture
-def installed(monkeypatch: pytest.MonkeyPatch) -> list[EntryPoint]:
-    """What is installed beside the package, as far as it says so."""
-    found: list[EntryPoint] = []
-    monkeypatch.setattr(extension, "entry_points", lambda group: found)
-    extensions.cache_clear()
-    yield found
-    extensions.cache_clear()
-
-
-HELLO = Extension(commands={"hello": "cubicfish_cli.commands.info:command"})
-
-
-def test_another_distribution_adds_a_command(installed: list[EntryPoint], run: Run) -> None:
-    installed.append(EntryPoint("hello", f"{__name__}:HELLO", extension.GROUP))
-    assert "\n  hello " in run("--help").stdout
-    assert "cubicfish info lens_a/" in run("hello", "--help").stdout
-    said = run("helo", code=2).stderr
-    assert "did you mean 'hello'" in said
-
-
-@pytest.mark.parametrize("place", ["no_such_module:HELLO", f"{__name__}:SAMPLE"])
-def test_one_that_cannot_be_loaded_is_named_and_stops_no_other_command(
-    installed: list[EntryPoint], run: Run, place: str
-) -> None:
-    installed.append(EntryPoint("broken", place, extension.GROUP))
-    said = run("no-such", code=1).stderr
-    assert f"the extension broken ({place})" in said
-    assert said.count("\n") == 1
-    assert run("info", "--help").exit_code == 0

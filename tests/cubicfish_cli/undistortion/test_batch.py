@@ -10,7 +10,6 @@ import pytest
 from synthetic import lens_of_size
 
 from cubicfish import Listener, PhotoError, Run, ViewError, build_map
-from cubicfish.listener import SILENT
 from cubicfish.views import CentralView
 from cubicfish_cli.undistortion.batch import Job, write_many, write_one
 from cubicfish_cli.undistortion.images import remap_picture
@@ -42,7 +41,7 @@ class Counting(Listener):
             self.seen.append((done, total))
 
 
-def run(jobs, render=render, workers=2, listener=SILENT):
+def run(jobs, render=render, workers=2, listener=Listener()):
     how = Run(jobs=workers, listener=listener)
     return write_many(jobs, partial(write_one, render=render), how)
 

@@ -11,7 +11,7 @@ import pytest
 from lenses import cubic_camera
 
 from cubicfish import Listener, OutputError, PhotoError, ViewError, build_map
-from cubicfish.listener import SILENT, Count
+from cubicfish.listener import Count
 from cubicfish.views import CentralView, camera_for_photos
 from cubicfish.views.view import rotation_from_angles
 from cubicfish_cli.films import source as source_of_frames
@@ -95,7 +95,7 @@ class Counting(Listener):
         return self.call
 
 
-def run(source: Path, out: Path, interpolation="linear", view=VIEW, crf=0, listener=SILENT):
+def run(source: Path, out: Path, interpolation="linear", view=VIEW, crf=0, listener=Listener()):
     views = VideoViews(CAMERA, view, interpolation, crf, listener)
     job = Job(name=source.name, photos={"": source}, outputs={"": out})
     problem = views.write(job, overwrite=False)

@@ -19,7 +19,7 @@ from cubicfish.models import RadialCamera
 from cubicfish.rigs.rig import rig_text
 from cubicfish_cli import Rig, load_rig
 from cubicfish_cli.commands.export import FORMATS
-from cubicfish_cli.extension_table import written_formats
+from cubicfish_cli.extension_guard import written_formats
 from cubicfish_cli.extensions.formats.anipose_toml import anipose_rig_text
 from cubicfish_cli.foreign.file_contents import LensRig, PlacedLens
 from tests.cubicfish_cli.commands.test_export import kannala_brandt, project_kalibr

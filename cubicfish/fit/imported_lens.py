@@ -7,8 +7,8 @@ import numpy as np
 
 from cubicfish.angles import angle_from_axis
 from cubicfish.errors import FitError
+from cubicfish.fit.exported_lens import ConversionError, conversion_error
 from cubicfish.fit.nearest_cubic import linear_cubic, refined_cubic
-from cubicfish.fit.to_lens import ConversionError, conversion_error
 from cubicfish.geometry import inside_polygon
 from cubicfish.models.cubic import CubicCamera, pole_or_fold_deg
 from cubicfish.models.lens import Lens
@@ -93,8 +93,9 @@ def from_lens(lens: Lens, *, max_angle_deg: float = LARGEST_FIELD_DEG) -> Import
             break
     if best is None:
         raise FitError(
-            f"no sound cubic camera is near this lens up to {widest:.0f}° from its axis: choose a "
-            "smaller --max-angle, up to where the lens was calibrated"
+            f"no sound cubic camera is near this lens up to {widest:.0f}° from its axis",
+            do="choose a smaller {max_angle_deg}, up to where the lens was calibrated",
+            arguments={"max_angle_deg": "max_angle_deg"},
         )
     return best
 

@@ -1,0 +1,256 @@
+"""Arguments of public calls, held to their annotations.
+
+A name of a face is handed out as :func:`checked` makes it; inside, functions call each other as
+they are. What annotations cannot say, such as bounds, is checked where it is used.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import inspect
+import os
+import sys
+import types
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Set as AnySet
+from functools import cache, wraps
+from importlib import import_module
+from numbers import Integral, Real
+from typing import Any, ForwardRef, Literal, TypeVar, Union, get_args, get_origin
+
+from cubicfish.errors import UsageError
+from cubicfish.wording import listed, quoted
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_MOST_LISTED = 200  # of a long list, as many are looked at
+_UNIONS = (Union, types.UnionType)
+_WAYS = {
+    "CameraFile": "load_camera reads one",
+    "Calibrated": "calibrate makes one, load_camera reads one",
+    "Calibration": "calibrate makes one",
+    "CubicCamera": "load_camera(path).camera is one",
+    "Detection": "detect makes one",
+    "Observations": "detect finds them, load_corners reads them",
+    "Rig": "calibrate_rig makes one, load_rig reads one",
+    "Target": "Target.load reads one",
+    "UndistortMap": "build_map makes one",
+    "View": "build_view makes one",
+}
+"""How a caller gets a record, by the name of its class."""
+
+
+def checked(function: Function) -> Function:
+    """A function that refuses arguments that are not what its annotations say.
+
+    Wrong counts of arguments and unknown names stay Python's own TypeError.
+
+    Raises:
+        UsageError: an argument is something else; one line that names it, and what it must be.
+
+    """
+    signature = inspect.signature(function)
+
+    @wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        try:
+            given = signature.bind(*args, **kwargs).arguments
+        except TypeError:  # Python says it best
+            given = {}
+        kinds = _hints(function)
+        for name, value in given.items():
+            if name in kinds:
+                refuse_misfit(name, value, kinds[name])
+        return function(*args, **kwargs)
+
+    made: Any = call
+    return made
+
+
+def refuse_misfit(name: str, value: object, kind: Any) -> None:
+    """Refuse a value that is not what an annotation says, or a record with such a field.
+
+    Raises:
+        UsageError: one line that names it, and what it must be.
+
+    """
+    for place, inner, must in _misfits(name, value, kind):
+        ways = [_WAYS[word] for word in _names_in(must) if word in _WAYS]
+        do = f": {ways[0]}" if ways else ""
+        raise UsageError(f"{place} must be {_describe(must)}, not {_name_value(inner)}{do}")
+
+
+def _misfits(name: str, value: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]:
+    """What does not fit: its place, the value, and the annotation that it does not fit."""
+    if kind in (Any, object, inspect.Parameter.empty) or isinstance(kind, TypeVar | ForwardRef):
+        return
+    origin, inner = get_origin(kind) or kind, get_args(kind)
+    if origin in _UNIONS and not _is_array(kind):
+        ways = [[*_misfits(name, value, one)] for one in inner]
+        if all(ways):
+            # What is of the right sort, and has something wrong inside, says more.
+            deeper = [found for found in ways if found[0][0] != name]
+            yield from deeper[0] if len(deeper) == 1 else [(name, value, kind)]
+    elif not _is_of(value, origin, inner):
+        yield name, value, kind
+    elif isinstance(value, Mapping) and len(inner) == 2:
+        for key, one in [*value.items()][:_MOST_LISTED]:
+            yield from _misfits(f"a key of {name}", key, inner[0])
+            yield from _misfits(f"{name}[{quoted(key)}]", one, inner[1])
+    elif isinstance(value, list | tuple) and origin is not Literal and inner:
+        is_pair = origin is tuple and Ellipsis not in inner
+        if is_pair and len(value) != len(inner):
+            yield name, value, kind
+            return
+        each = inner if is_pair else inner[:1] * min(len(value), _MOST_LISTED)
+        for index, (one, must) in enumerate(zip(value, each, strict=False)):
+            yield from _misfits(f"{name}[{index}]", one, must)
+    elif getattr(value, "checked_fields", False):
+        record: Any = type(value)
+        for field, must in _hints(record).items():
+            if hasattr(value, field):
+                yield from _misfits(f"{name}.{field}", getattr(value, field), must)
+
+
+def _is_of(value: Any, origin: Any, inner: Sequence[Any]) -> bool:
+    """Whether a value is of a kind, whatever it holds."""
+    if _is_array(origin):
+        return value is not None and not isinstance(value, str | bytes | Mapping | os.PathLike)
+    if origin is Literal:
+        return isinstance(value, str | int) and value in inner
+    if origin in (None, types.NoneType):
+        return value is None
+    if origin is bool:
+        return isinstance(value, bool) or type(value).__name__ in ("bool_", "bool")
+    if origin in (int, float):
+        if isinstance(value, bool) or not isinstance(value, Integral if origin is int else Real):
+            return False
+        return value == value  # NaN is no number
+    if not isinstance(origin, type):
+        return True
+    if getattr(origin, "_is_protocol", False):
+        return all(hasattr(value, name) for name in _members(origin))
+    if issubclass(origin, tuple | Sequence | Iterable) and not issubclass(origin, Mapping | str):
+        return _is_series(value, origin)
+    return isinstance(value, origin)
+
+
+def _is_series(value: Any, origin: type) -> bool:
+    """Whether a value is of many; text and mappings are none, and lists and arrays are tuples."""
+    if isinstance(value, str | bytes) or (isinstance(value, Mapping) and origin is not Iterable):
+        return False
+    if origin in (tuple, list, Sequence):
+        return isinstance(value, Sequence | range) or hasattr(value, "tolist")
+    return isinstance(value, origin)
+
+
+def _is_array(kind: Any) -> bool:
+    """Whether an annotation is of numpy's: what becomes an array is one."""
+    numpy = sys.modules.get("numpy")
+    typing = sys.modules.get("numpy.typing")
+    return (numpy is not None and kind is numpy.ndarray) or (
+        typing is not None and kind == typing.ArrayLike
+    )
+
+
+def _members(protocol: type) -> set[str]:
+    """What an object must have to be used for a protocol."""
+    bases = [base for base in protocol.__mro__ if getattr(base, "_is_protocol", False)]
+    return {name for base in bases for name in vars(base) if not name.startswith("_")}
+
+
+@cache
+def _hints(holder: Any) -> dict[str, Any]:
+    """The annotations of a function or a record, also those that only type checkers import."""
+    kinds: dict[str, Any] = {}
+    for one in reversed(holder.__mro__) if isinstance(holder, type) else (holder,):
+        module = sys.modules[one.__module__]
+        for name, written in inspect.get_annotations(one).items():
+            kinds[name] = _resolve(written, module) if isinstance(written, str) else written
+    return kinds
+
+
+def _resolve(written: str, module: types.ModuleType) -> Any:
+    for name in _words(written) - {*vars(module), *vars(builtins)}:
+        if name not in _imported_for_checks(module):
+            return Any
+    names = {
+        name: getattr(import_module(place), name)
+        for name, place in _imported_for_checks(module).items()
+        if name in _words(written)
+    }
+    return eval(written, {**vars(module), **names})
+
+
+def _words(written: str) -> set[str]:
+    return {
+        one.id for one in ast.walk(ast.parse(written, mode="eval")) if isinstance(one, ast.Name)
+    }
+
+
+@cache
+def _imported_for_checks(module: types.ModuleType) -> dict[str, str]:
+    """Names that a module imports for type checkers alone, and from where."""
+    try:
+        tree = ast.parse(inspect.getsource(module))
+    except OSError:  # there is no source: such annotations are not checked
+        return {}
+    return {
+        alias.name: inner.module or ""
+        for node in tree.body
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for inner in node.body
+        if isinstance(inner, ast.ImportFrom)
+        for alias in inner.names
+    }
+
+
+def _names_in(kind: Any) -> list[str]:
+    """Names of the classes in an annotation."""
+    inner = [name for one in get_args(kind) for name in _names_in(one)]
+    return [kind.__name__, *inner] if isinstance(kind, type) else inner
+
+
+_PLAIN = {
+    bool: "True or False", int: "a whole number", float: "a number", str: "text",
+    types.NoneType: "None", os.PathLike: "a path",
+}  # fmt: skip
+
+
+def _describe(kind: Any) -> str:
+    """An annotation in words."""
+    origin, inner = get_origin(kind) or kind, get_args(kind)
+    if _is_array(origin) or _is_array(kind):
+        return "an array"
+    if origin in _UNIONS:
+        return listed([*dict.fromkeys(map(_describe, inner))], word="or")
+    if origin is Literal:
+        return listed([quoted(one) for one in inner], word="or")
+    if origin in _PLAIN:
+        return _PLAIN[origin]
+    if not isinstance(origin, type):
+        return "something else"
+    if issubclass(origin, os.PathLike):
+        return "a path"
+    if issubclass(origin, Mapping):
+        return f"a mapping to {_describe(inner[1])}" if inner else "a mapping"
+    if issubclass(origin, AnySet | Sequence) or origin is Iterable:
+        count = f"{len(inner)}" if origin is tuple and Ellipsis not in inner else "some"
+        return f"a list of {count}, each {_describe(inner[0])}" if inner else "a list"
+    return _with_article(origin.__name__)
+
+
+def _name_value(value: object) -> str:
+    """A value in an error: itself where it is plain, else what it is."""
+    if value is None or isinstance(value, bool | Real):
+        return str(value)
+    if isinstance(value, str | os.PathLike):
+        return quoted(str(value))
+    if isinstance(value, list | tuple | Mapping) and len(value) == 0:
+        return f"an empty {type(value).__name__}"
+    return _with_article(type(value).__name__)
+
+
+def _with_article(name: str) -> str:
+    return f"{'an' if name[:1].lower() in 'aeiou' else 'a'} {name}"
