@@ -11,7 +11,7 @@ from cubicfish_cli.words.phrases import pick
 
 if TYPE_CHECKING:
     from cubicfish import Target
-    from cubicfish.diagnosis.object_check import ObjectFacts, Turn
+    from cubicfish.diagnosis import ObjectFacts, Turn
 
 # More examples than this are not read.
 _MOST = 4
