@@ -32,7 +32,7 @@ from cubicfish.fit.coverage import FieldCells, field_cells
 from cubicfish.io.camera_yaml import CameraRecord
 from cubicfish.io.corners_csv import load_correspondences
 from cubicfish.judge import FitRecord, PhotoRecord
-from cubicfish.judge.fit_record import FileRecord, Origin
+from cubicfish.judge.fit_record import Origin
 from cubicfish.judge.verdict import photo_verdicts
 from cubicfish.photos import find_photos
 from cubicfish.solve.statistics import rms_px
@@ -399,7 +399,7 @@ def _find_beside(folder: Path, name: str) -> Path | None:
     return path if path.is_file() else None
 
 
-def _find_recorded(record: FileRecord | None, folder: Path) -> Path | None:
+def _find_recorded(record: Fingerprint | None, folder: Path) -> Path | None:
     """The file that a record names, if it is there and still the same."""
     if record is None:
         return None

@@ -29,6 +29,8 @@ from cubicfish_cli.terminal.parameters import (
 )
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import apart, print_message, print_wrote, result
+from cubicfish_cli.words.phrases import plural
+from cubicfish_cli.words.sentences import render
 
 if TYPE_CHECKING:
     from cubicfish import Rig, Target
@@ -127,10 +129,12 @@ class RigFiles:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish rig calibrate --json`` prints."""
+        from cubicfish_cli.words.camera import verdict_record
+
         return {
             **self.rig.as_record(),
             "model": str(self.files[0]),
-            "verdict": self.rig.verdict.as_record(),
+            "verdict": verdict_record(self.rig.verdict),
         }
 
 
@@ -147,11 +151,12 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = Run()) -> RigFiles:
     """
     from cubicfish.files import write_files
     from cubicfish_cli.extensions.rigs.films import keeping_frames
+    from cubicfish_cli.extensions.rigs.words import rig_with_texts
 
     plan = _plan(options, run)
     seen = _observe(plan, run)
     with keeping_frames(seen.frames, plan.frames):
-        rig = _fit(plan, seen, run)
+        rig = rig_with_texts(_fit(plan, seen, run))
         contents = _make_contents(plan, rig, seen, run)
         run.listener.progress("Writing")
         files = write_files(contents, overwrite=run.overwrite, folder=plan.folder)
@@ -386,7 +391,7 @@ def command(made: RigFiles, given: RigOptions, how: How) -> None:
     """
     printed = how.print(made)
     for finding in made.rig.fit.findings:
-        print_message(f"{mark_of(finding)}: {finding.line}")
+        print_message(f"{mark_of(finding)}: {render(finding).line}")
     if not printed:
         apart()
         print_rig(made.rig)

@@ -6,7 +6,12 @@ from pathlib import Path
 
 from cubicfish import CameraFile, CorrespondenceError, Run, load_camera
 from cubicfish.files import Fingerprint
-from cubicfish_cli.inputs.paths import check_inputs, tables_among
+from cubicfish.photos.photos import VIDEO_SUFFIXES
+from cubicfish_cli.films.recordings import label_of
+from cubicfish_cli.inputs.paths import check_inputs
+from cubicfish_cli.inputs.paths import is_recording
+from cubicfish_cli.inputs.paths import kind_of_inputs
+from cubicfish_cli.inputs.paths import tables_among
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.observe import Inputs, load_inputs
 
@@ -23,9 +28,10 @@ def check_camera_inputs(cameras: Sequence[Path], target: TargetSource, run: Run)
 
     """
     inputs = [_find_model_and_corners(path)[1] for path in cameras]
-    searched = len(tables_among(inputs)) < len(inputs)
-    of_pairs = [check_inputs([one], target, Run() if searched else run) for one in inputs]
-    return any(of_pairs)
+    kinds = [kind_of_inputs([one]) for one in inputs]
+    for kind, one in zip(kinds, inputs, strict=True):
+        check_inputs(kind, [one], target, Run() if "photos" in kinds else run)
+    return "points" in kinds
 
 
 def is_calibrated(path: Path) -> bool:
@@ -58,7 +64,8 @@ def load_camera_inputs(
 ) -> tuple[Inputs, CameraFile | None]:
     """One camera's pairs, and its lens where it is calibrated already."""
     model, first = _find_model_and_corners(sources[0])
-    loaded = load_inputs([first, *sources[1:]], target, run)
+    inputs = [first, *sources[1:]]
+    loaded = load_inputs(kind_of_inputs(inputs), inputs, target, run)
     run.listener.found(loaded.photo_findings)
     if model is None:
         return loaded, None
