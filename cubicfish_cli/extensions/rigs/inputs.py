@@ -6,12 +6,7 @@ from pathlib import Path
 
 from cubicfish import CameraFile, CorrespondenceError, Run, load_camera
 from cubicfish.files import Fingerprint
-from cubicfish.photos.photos import VIDEO_SUFFIXES
-from cubicfish_cli.films.recordings import label_of
-from cubicfish_cli.inputs.paths import check_inputs
-from cubicfish_cli.inputs.paths import is_recording
-from cubicfish_cli.inputs.paths import kind_of_inputs
-from cubicfish_cli.inputs.paths import tables_among
+from cubicfish_cli.inputs.paths import check_inputs, kind_of_inputs
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.observe import Inputs, load_inputs
 

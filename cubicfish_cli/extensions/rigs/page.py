@@ -7,7 +7,6 @@ import numpy as np
 
 from cubicfish import Rig
 from cubicfish.judge import Severity
-from cubicfish.judge.fit_record import origin_of
 from cubicfish.judge.verdict import LEVELS
 from cubicfish_cli.render.pages.figures import (
     BOARD_COLOURS,
