@@ -6,7 +6,7 @@ import math
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -344,16 +344,13 @@ def _make_contents(
 
 
 def _make_map(camera: CubicCamera) -> Content | None:
-    from cubicfish import build_map
+    from cubicfish import build_view
     from cubicfish.photos.photos import MAX_PIXELS
-    from cubicfish_cli.undistortion.choose import build_view
-    from cubicfish_cli.undistortion.map_formats import MapInBands, write_npz
+    from cubicfish.views import MapInBands
 
     if math.prod(camera.image_size) > MAX_PIXELS:
         return None
-    view = build_view(camera)
-    made = MapInBands(view=view, size=view.size, make=partial(build_map, camera, view))
-    return partial(write_npz, made=made)
+    return MapInBands.of_camera(camera, build_view(camera)).write
 
 
 @as_command(

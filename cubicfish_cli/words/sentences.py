@@ -6,16 +6,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from cubicfish.errors import CubicfishError
+from cubicfish import CubicfishError, Event, Finding, listed
 from cubicfish.judge.codes import Code
-from cubicfish.judge.finding import Finding, FindingText
-from cubicfish.listener import Event
-from cubicfish.wording import listed
+from cubicfish.judge.finding import FindingText
 from cubicfish_cli.words.catalogue import catalogue
 from cubicfish_cli.words.phrases import Sentences
 
 if TYPE_CHECKING:
-    from cubicfish.judge.fit_record import FitRecord
+    from cubicfish.judge import FitRecord
 
 _SENTENCES = Sentences()
 _OF_RIGS = (

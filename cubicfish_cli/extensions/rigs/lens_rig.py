@@ -5,11 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish import Rig, ViewError, rectify
+from cubicfish import Rig, ViewError, build_view, rectify
 from cubicfish.rigs import RigCamera
 from cubicfish_cli.commands.exporting import Exported
 from cubicfish_cli.foreign.file_contents import FlatPair, LensRig, PlacedLens
-from cubicfish_cli.undistortion.choose import build_view
 
 
 def lens_rig(rig: Rig, converted: Sequence[tuple[RigCamera, Exported]]) -> LensRig:

@@ -12,14 +12,22 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import CubicCamera, FloatArray, Rig, UndistortMap, View, ViewError, build_map
+from cubicfish import (
+    CubicCamera,
+    FloatArray,
+    Rig,
+    UndistortMap,
+    View,
+    ViewError,
+    build_map,
+    build_view,
+    undistort,
+)
 from cubicfish.angles import unit_rays
 from cubicfish.photos import Picture
 from cubicfish.rigs import RigCamera
-from cubicfish.views import CentralView, sees
+from cubicfish.views import CentralView, Interpolation, sees
 from cubicfish.views.view import matrix_of_rotation, rotation_vector
-from cubicfish_cli.undistortion.choose import build_view
-from cubicfish_cli.undistortion.images import remap_picture
 
 Floats = npt.NDArray[np.float32]
 
@@ -132,7 +140,7 @@ class Panorama:
         return replace(self.maps[0], valid=valid)
 
     def render(
-        self, photos: Mapping[str, Picture], interpolation: str = "linear"
+        self, photos: Mapping[str, Picture], interpolation: Interpolation = "linear"
     ) -> tuple[Picture, npt.NDArray[np.bool_]]:
         """One picture of the photos of a shot, and where it shows something (H, W).
 
@@ -158,7 +166,8 @@ class Panorama:
         for number in there:
             name = self.cameras[number]
             try:
-                parts.append(remap_picture(photos[name], self.maps[number], interpolation))
+                made = undistort(photos[name], self.maps[number], interpolation=interpolation)
+                parts.append(made)
             except ViewError as problem:
                 raise ViewError(f"camera {name}: {problem}") from problem
         wide = (slice(None), slice(None), *(None,) * (parts[0].ndim - 2))

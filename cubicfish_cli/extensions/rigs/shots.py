@@ -9,12 +9,11 @@ from cubicfish import Listener, UndistortMap, ViewError
 from cubicfish.photos import Picture
 from cubicfish.photos.photos import natural_key, photo_size
 from cubicfish.rigs import match_shots
-from cubicfish.views import camera_for_photos
+from cubicfish.views import ChosenView, Interpolation
 from cubicfish_cli.extensions.rigs.naming import owners_of
 from cubicfish_cli.extensions.rigs.panorama import Body, Panorama, build_panorama
 from cubicfish_cli.inputs.paths import named_photos
 from cubicfish_cli.undistortion.batch import MAKING, Job, Size, Views
-from cubicfish_cli.undistortion.choose import ChosenView
 
 Shot = Mapping[str, Path]
 """Camera -> its photo."""
@@ -23,7 +22,7 @@ Shot = Mapping[str, Path]
 class RigViews(Views):
     """A view of all that a rig's cameras see: the same for all shots."""
 
-    def __init__(self, body: Body, view: ChosenView, interpolation: str) -> None:
+    def __init__(self, body: Body, view: ChosenView, interpolation: Interpolation) -> None:
         """Prepare for the shots of a rig.
 
         Args:
@@ -72,7 +71,7 @@ def body_for_photos(body: Body, shots: Mapping[str, Shot]) -> Body:
         first = next((photos[one.name] for photos in shots.values() if one.name in photos), None)
         if first is not None:
             try:
-                one = replace(one, camera=camera_for_photos(one.camera, photo_size(first)))
+                one = replace(one, camera=one.camera.for_photos(photo_size(first)))
             except ViewError as problem:
                 raise ViewError(f"camera {one.name}: {problem}") from problem
         cameras.append(one)

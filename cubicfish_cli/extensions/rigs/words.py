@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from cubicfish.rigs.rig import Rig
+from cubicfish import Rig
 from cubicfish_cli.words.sentences import with_text, with_texts
 
 

@@ -13,7 +13,7 @@ from cubicfish import CameraFileError, CubicCamera, ViewError, load_camera
 from cubicfish.comparison import aligned_difference
 from cubicfish.models.sphere import cone_rays
 from cubicfish.rigs import RigCamera
-from cubicfish.views import CentralView, camera_for_photos
+from cubicfish.views import CentralView
 from cubicfish_cli import stitch
 from cubicfish_cli.extensions.rigs.panorama import Body, build_panorama, edge_distance
 from cubicfish_cli.viewpoints.truth import rotation_matrix
@@ -28,7 +28,7 @@ PANORAMA = CentralView(
 @pytest.fixture(scope="module")
 def camera(calibrated: Path) -> CubicCamera:
     whole = load_camera(calibrated / "camera.yaml").camera
-    return camera_for_photos(whole, (480, 360))  # a quarter of the pixels shows as much
+    return whole.for_photos((480, 360))  # a quarter of the pixels shows as much
 
 
 @pytest.fixture(scope="module")
