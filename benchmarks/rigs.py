@@ -37,14 +37,15 @@ from cubicfish import (
     Observations,
     Rig,
     Target,
+    aligned_difference,
     calibrate_rig,
     compare_rigs,
     load_corners,
 )
-from cubicfish.comparison import aligned_difference
 from cubicfish.models.sphere import cone_rays
 from cubicfish.rigs import load_times
 from cubicfish.solve.subset import select_photos
+from cubicfish.rigs.shots import Times
 from cubicfish.target.target import load_target
 from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 
@@ -288,7 +289,7 @@ def measure_halves(of: str, timed: bool, seeds: range) -> None:
         try:
             for half in (mixed[::2], mixed[1::2]):
                 own = {
-                    name: select_photos(one, np.flatnonzero(np.isin(one.images, half)))
+                    name: one.of_photos(np.flatnonzero(np.isin(one.images, half)))
                     for name, one in cameras.items()
                 }
                 rigs.append(calibrate_rig(own, target, times=times))

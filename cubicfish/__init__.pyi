@@ -5,6 +5,7 @@ from cubicfish.calibration import evaluate as evaluate
 from cubicfish.calibration import save_camera as save_camera
 from cubicfish.calibration import save_target as save_target
 from cubicfish.comparison import Comparison as Comparison
+from cubicfish.comparison import aligned_difference as aligned_difference
 from cubicfish.comparison import compare as compare
 from cubicfish.errors import CameraFileError as CameraFileError
 from cubicfish.errors import ClusterError as ClusterError

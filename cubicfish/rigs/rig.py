@@ -34,7 +34,6 @@ from cubicfish.judge.fit_record import (
     FitRecord,
     Origin,
     PoseRecord,
-    origin_of,
 )
 from cubicfish.judge.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
 from cubicfish.judge.verdict import Verdict
@@ -253,7 +252,7 @@ class Rig:
     @property
     def origin(self) -> Origin:
         """Where the rig comes from, as far as ``made_by`` says it."""
-        return origin_of(self.made_by)
+        return Origin.of(self.made_by)
 
     def camera(self, name: str) -> RigCamera:
         """The camera of a name.

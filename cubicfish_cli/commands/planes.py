@@ -6,8 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish import CubicCamera, Event, Run, UsageError, ViewError, build_plane, load_any_camera
-from cubicfish.fit.evaluate import evaluate
+from cubicfish import (
+    CubicCamera,
+    Event,
+    Run,
+    UsageError,
+    ViewError,
+    build_plane,
+    evaluate,
+    load_any_camera,
+)
 from cubicfish.io.camera_yaml import Calibrated
 from cubicfish.judge import FitRecord
 from cubicfish.observe import find_corners

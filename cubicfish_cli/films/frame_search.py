@@ -29,7 +29,7 @@ from cubicfish.judge import Severity
 from cubicfish.judge.codes import Code
 from cubicfish.observe import Glances, find_corners
 from cubicfish.photos import Photo
-from cubicfish.sufficiency.information_gain import InformationGain
+from cubicfish.sufficiency import InformationGain
 from cubicfish_cli.films.choose import FEWEST, Choice, Patch, Seen, choose
 from cubicfish_cli.films.measure import sharpness
 from cubicfish_cli.films.scan import still_px

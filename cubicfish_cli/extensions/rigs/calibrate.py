@@ -36,7 +36,7 @@ from cubicfish_cli.words.sentences import render
 
 if TYPE_CHECKING:
     from cubicfish import Rig, Target
-    from cubicfish.fit.model_selection import RefineTarget
+    from cubicfish.fit import RefineTarget
     from cubicfish.io.camera_yaml import Calibrated
     from cubicfish.rigs import CornerMotion
     from cubicfish_cli.extensions.rigs.films import ShotFrame
