@@ -20,7 +20,7 @@ from cubicfish.rigs.faults import Moved, RigEvidence, moved_camera
 from cubicfish.rigs.fitted_rig import rig_of
 from cubicfish.rigs.joint_fit import RigProblem, fit_jointly
 from cubicfish.rigs.names import with_agreeing_names
-from cubicfish.rigs.rig import Rig, refuse_name
+from cubicfish.rigs.rig import Rig, RigCamera
 from cubicfish.rigs.shots import Matching, Times
 from cubicfish.rigs.start import RigStart, connected, refuse_exchanged, start_rig
 from cubicfish.rigs.times import CornerMotion, Motion
@@ -83,7 +83,7 @@ def calibrate_rig(
     """
     names, known = list(cameras), known or {}
     for name in names:
-        refuse_name(name, "camera", FitError)
+        RigCamera.refuse_name(name, "camera", FitError)
     seen, target, matched = observed_shots(cameras, target, shots, tolerance, times)
     if len(names) < 2:
         raise FitError("a rig has two cameras or more: calibrate a single one with 'calibrate'")

@@ -333,7 +333,7 @@ def _observe(plan: _RigPlan, run: Run) -> _Seen:
 
 def _read_matching(plan: _RigPlan) -> dict[str, Any]:
     """Which photos are of one shot, and when they were taken: before these are searched."""
-    from cubicfish.rigs import load_shots, load_times
+    from cubicfish_cli.extensions.rigs.tables import load_shots, load_times
 
     shots, times = plan.options.shots, plan.options.times
     return {
