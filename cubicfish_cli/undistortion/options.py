@@ -9,7 +9,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, get_args
 
 from cubicfish import UsageError
 from cubicfish.wording import did_you_mean, either, quoted
@@ -146,6 +146,8 @@ class PlaneOptions:
         pixels_per_unit: the picture's scale; by default the largest that the photo has there.
 
     """
+
+    checked_fields: ClassVar = True
 
     board: str
     target: Target | str | os.PathLike[str]
