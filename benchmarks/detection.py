@@ -35,8 +35,8 @@ from asymmetric_lens import AsymmetricLens
 from looking import look_at
 
 from cubicfish import Target
+from cubicfish.find import find_grids
 from cubicfish.find.detection import finder
-from cubicfish.find.detection.finder import find_grids
 from cubicfish.target.target import load_target
 from cubicfish_cli.extensions.simulation.simulate import render
 from cubicfish_cli.viewpoints.truth import project_corners

@@ -17,7 +17,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import cv2
 import numpy as np
 
-from cubicfish.find.detection.finder import find_grids
+from cubicfish.find import find_grids
 
 SIZE = (640, 480)
 Picture = np.ndarray

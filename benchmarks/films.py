@@ -23,6 +23,7 @@ import subprocess
 import sys
 import time
 import warnings
+from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -34,16 +35,22 @@ import numpy as np
 from synthetic_films import Film, FilmOptions, hand_path
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
-from cubicfish import Calibration, CubicfishError, Observations, Target, load_corners, save_corners
-from cubicfish.comparison import aligned_difference
-from cubicfish.files.frame_names import frame_name
-from cubicfish.fit.calibrate import calibrate
+from cubicfish import (
+    Calibration,
+    CubicfishError,
+    Observations,
+    Run,
+    Target,
+    aligned_difference,
+    calibrate,
+    load_corners,
+    save_corners,
+)
+from cubicfish.files import FrameName
 from cubicfish.models.sphere import cone_rays
-from cubicfish.observe.detection import first_pass
+from cubicfish.observe import find_corners
 from cubicfish.photos import Photo, find_photos
-from cubicfish.solve.subset import select_photos
 from cubicfish.target.target import load_target
-from cubicfish.workers import Work
 from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.films.source import decode, opened
 
@@ -88,7 +95,7 @@ def photos_of(film: Path, every: int) -> list[Photo]:
     photos = []
     with opened(film) as (container, stream):
         for frame in islice(decode(film, container, stream), None, None, every):
-            name = frame_name(film.stem, float(frame.pts * stream.time_base)) + ".png"
+            name = f"{FrameName(film.stem, float(frame.pts * stream.time_base))}.png"
             picture = frame.to_ndarray(format="gray")
             photos.append(Photo(name=name, path=Path(name), picture=picture))
     return photos
@@ -111,6 +118,11 @@ def fitted(pairs: Observations, target: Target) -> Calibration | None:
         return None
 
 
+def corners_in(photos: Sequence[Photo], target: Target) -> Observations:
+    """The corners that photos show at first sight."""
+    return find_corners(photos, [target], Run(jobs=1), again=False).corners
+
+
 def measured(
     folder: Path, target_file: Path, lens: SyntheticLens, most: int, every: int
 ) -> tuple[float, ...]:
@@ -122,14 +134,14 @@ def measured(
     usual, one = decoding(film), decoding(film, threads=1)
     table = folder / ("all_corners.csv" if every == 1 else f"all_corners_{every}.csv")
     if not table.exists():
-        save_corners(table, first_pass(photos_of(film, every), [target], Work(jobs=1)).corners)
+        save_corners(table, corners_in(photos_of(film, every), target))
     pairs = load_corners(table, target)
     chosen = find_photos([out])
     equal = [int(one) for one in np.linspace(0, len(pairs.images) - 1, most).round()]
     fits = [
-        fitted(first_pass(chosen, [target], Work(jobs=1)).corners.with_target(target), target),
+        fitted(corners_in(chosen, target).with_target(target), target),
         fitted(pairs, target),
-        fitted(select_photos(pairs, np.unique(equal)), target),
+        fitted(pairs.of_photos(np.unique(equal)), target),
     ]
     angle = min(fit.camera.max_angle_deg for fit in fits if fit is not None)
     errors = [rms_px(fit, lens.far, np.deg2rad(angle)) for fit in fits]

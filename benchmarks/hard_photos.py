@@ -37,8 +37,7 @@ import numpy as np
 from synthetic_lenses import SYNTHETIC_LENSES, SyntheticLens, synthetic_lens
 
 from cubicfish import CubicfishError, Target, detect
-from cubicfish.find.detection.finder import find_grids
-from cubicfish.find.detection.markers import find_marked_corners
+from cubicfish.find import find_grids, find_marked_corners
 from cubicfish.target import Markers
 from cubicfish_cli.extensions.simulation.simulate import RayGrid, render, room_background
 from cubicfish_cli.viewpoints.truth import Pose, TrueCorners, project_corners

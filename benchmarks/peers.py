@@ -28,16 +28,15 @@ import numpy as np
 import numpy.typing as npt
 from lens_models import compare_models
 
-from cubicfish import Calibration, FitError, Observations, Target, calibrate, load_corners
+from cubicfish import Calibration, FitError, Observations, Run, Target, calibrate, load_corners
 from cubicfish.fit.folds import FOLDS
 from cubicfish.models import RadialCamera
+from cubicfish.solve import Poses, rms_px
 from cubicfish.solve.adjustment import adjust
 from cubicfish.solve.fit_lens import FitLens, FixedLens, FreeLens
-from cubicfish.solve.poses import Poses
-from cubicfish.solve.statistics import huber_px, rms_px
+from cubicfish.solve.statistics import huber_px
 from cubicfish.solve.subset import select_photos
 from cubicfish.target.target import load_target
-from cubicfish.workers import Work
 from cubicfish_cli.extensions.formats.lenses import UnifiedLens
 
 FloatArray = npt.NDArray[np.float64]
@@ -49,10 +48,11 @@ def corners_of(data: Path, corners: Path | None, target: Target) -> Observations
     """The pairs, from a file or from the photos."""
     if corners is not None:
         return load_corners(corners, target)
-    from cubicfish.observe.detection import first_pass
+    from cubicfish.observe import find_corners
     from cubicfish.photos import find_photos
 
-    return first_pass(find_photos([data / "images"]), [target], Work()).corners.with_target(target)
+    photos = find_photos([data / "images"])
+    return find_corners(photos, [target], Run(), again=False).corners.with_target(target)
 
 
 def grid_of(pairs: Observations, target: Target) -> FloatArray:

@@ -20,7 +20,7 @@ from numbers import Integral, Real
 from typing import Any, ForwardRef, Literal, TypeVar, Union, get_args, get_origin
 
 from cubicfish.errors import UsageError
-from cubicfish.wording import either, quoted
+from cubicfish.wording import listed, quoted
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -232,9 +232,9 @@ def _describe(kind: Any) -> str:
     if _is_array(origin) or _is_array(kind):
         return "an array"
     if origin in _UNIONS:
-        return either([*dict.fromkeys(map(_describe, inner))])
+        return listed([*dict.fromkeys(map(_describe, inner))], word="or")
     if origin is Literal:
-        return either([quoted(one) for one in inner])
+        return listed([quoted(one) for one in inner], word="or")
     if origin in _PLAIN:
         return _PLAIN[origin]
     if not isinstance(origin, type):

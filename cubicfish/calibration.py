@@ -16,7 +16,7 @@ from cubicfish.fit import calibrate as fitting
 from cubicfish.fit.calibration import Calibration
 from cubicfish.fit.model_selection import RefineTarget
 from cubicfish.io.camera_yaml import Calibrated, CameraFile
-from cubicfish.listener import SILENT, Listener
+from cubicfish.listener import Listener
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target, target_text
@@ -49,7 +49,7 @@ def calibrate(
     *,
     refine_target: RefineTarget = "auto",
     hold_out: bool = True,
-    listener: Listener = SILENT,
+    listener: Listener = Listener(),
 ) -> Calibration:
     """Fit a camera, the pose of every photo and, where photos gain by it, the target.
 

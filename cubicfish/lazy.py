@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from typing import Any
 
 
-def lazy_names(package: str, *, checked: bool = False) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
+def lazy_names(
+    package: str, *, checked: bool = False
+) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
     """Make ``__getattr__`` and ``__dir__`` of a package whose ``__init__.pyi`` lists its names.
 
     Args:

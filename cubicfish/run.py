@@ -12,10 +12,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from cubicfish.errors import (
-    CubicfishError,
-)
-from cubicfish.listener import SILENT, Listener
+from cubicfish.errors import CubicfishError
+from cubicfish.listener import Listener
 
 if TYPE_CHECKING:
     from cubicfish.files.fingerprint import Fingerprint
@@ -43,13 +41,61 @@ class Run:
     cache: Path | None = None
     anew: bool = False
     overwrite: bool = False
-    listener: Listener = SILENT
+    listener: Listener = Listener()
     executor: Executor | None = None
     command: str | None = None
 
     def __post_init__(self) -> None:
         if self.anew:
             object.__setattr__(self, "cache", None)
+
+    def date(self) -> str:
+        """The time in UTC, or that of SOURCE_DATE_EPOCH, with which results can be made again.
+
+        Raises:
+            CubicfishError: SOURCE_DATE_EPOCH is set to something else than seconds.
+
+        """
+        epoch = os.environ.get("SOURCE_DATE_EPOCH")
+        try:
+            moment = datetime.now(UTC) if epoch is None else datetime.fromtimestamp(int(epoch), UTC)
+        except (ValueError, OverflowError, OSError) as error:
+            raise CubicfishError(
+                f"SOURCE_DATE_EPOCH={epoch!r} is not a time in seconds since 1970: "
+                "correct or unset it"
+            ) from error
+        return moment.isoformat(timespec="seconds")
+
+    def made_by(
+        self,
+        options: Mapping[str, Any],
+        target: Fingerprint | None = None,
+        files: Sequence[Fingerprint] = (),
+    ) -> dict[str, Any]:
+        """What a file says of how it was made, as plain data.
+
+        Args:
+            options: those that change what is made.
+            target: the target's file.
+            files: all other inputs.
+
+        Returns:
+            Version, date, command and options, and the SHA-256 of the target and of every input.
+
+        Raises:
+            CubicfishError: SOURCE_DATE_EPOCH is set to something else than seconds.
+
+        """
+        from cubicfish import __version__
+
+        return {
+            "version": __version__,
+            "date": self.date(),
+            **({} if self.command is None else {"command": _as_text(self.command)}),
+            "options": dict(options),
+            "target": _record_file(target) if target else None,
+            "inputs": [_record_file(file) for file in files],
+        }
 
     def work(self, step: str) -> Work:
         """Who looks at photos in a step, which begins now."""
@@ -59,55 +105,10 @@ class Run:
         return Work(jobs=self.jobs, progress=progress, executor=self.executor)
 
 
-RUN: Run = Run()
-"""With all processors, silently; nothing is kept or replaced."""
-
-
-def made_at() -> str:
-    """The time in UTC, or that of SOURCE_DATE_EPOCH, with which results can be made again.
-
-    Raises:
-        CubicfishError: SOURCE_DATE_EPOCH is set to something else than seconds.
-
-    """
-    epoch = os.environ.get("SOURCE_DATE_EPOCH")
-    try:
-        moment = datetime.now(UTC) if epoch is None else datetime.fromtimestamp(int(epoch), UTC)
-    except (ValueError, OverflowError, OSError) as error:
-        raise CubicfishError(
-            f"SOURCE_DATE_EPOCH={epoch!r} is not a time in seconds since 1970: correct or unset it"
-        ) from error
-    return moment.isoformat(timespec="seconds")
-
-
-def made_by_record(
-    command: str | None,
-    options: Mapping[str, Any],
-    target: Fingerprint | None,
-    files: Sequence[Fingerprint],
-) -> dict[str, Any]:
-    """Version, date, command and options, and the SHA-256 of the target and of every input.
-
-    Raises:
-        OutputError: a file is no longer what it was when it was read.
-
-    """
-    from cubicfish import __version__
-
-    return {
-        "version": __version__,
-        "date": made_at(),
-        **({} if command is None else {"command": command}),
-        "options": dict(options),
-        "target": _record_file(target) if target else None,
-        "inputs": [_record_file(file) for file in files],
-    }
-
-
 def _record_file(file: Fingerprint) -> dict[str, str]:
-    return {"file": as_text(str(file.path)), "sha256": file.sha256}
+    return {"file": _as_text(file.file), "sha256": file.sha256}
 
 
-def as_text(words: str) -> str:
+def _as_text(words: str) -> str:
     """What a name says, also where its bytes are no UTF-8, which no text file can hold."""
     return words.encode("utf-8", "backslashreplace").decode("utf-8")

@@ -1,6 +1,7 @@
 """Pieces of error messages: quoting a user's words safely, and suggesting the nearest known one."""
 
 import difflib
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
@@ -16,7 +17,12 @@ def quoted(value: object) -> str:
     text = value if isinstance(value, str) else repr(value)
     if len(text) > LONGEST_QUOTE:
         text = text[: LONGEST_QUOTE - 3] + "..."
-    return "'" + "".join(c if c.isprintable() else repr(c)[1:-1] for c in text) + "'"
+    return f"'{shown(text)}'"
+
+
+def shown(path: str | os.PathLike[str]) -> str:
+    """A path for a message of one line: control characters escaped."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in os.fspath(path))
 
 
 def is_name(value: object) -> bool:
@@ -31,29 +37,24 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     near = difflib.get_close_matches(word[:LONGEST_QUOTE].lower(), lower, n=1, cutoff=0.6)
     if near:
         return f"did you mean {quoted(lower[near[0]])}?"
-    shown = ", ".join(quoted(name)[1:-1] for name in known[:12])
+    first = ", ".join(quoted(name)[1:-1] for name in known[:12])
     more = f", and {len(known) - 12} more" if len(known) > 12 else ""
-    return f"known: {shown}{more}"
+    return f"known: {first}{more}"
 
 
-def either(words: Sequence[str]) -> str:
-    """``a``, ``a or b``, ``a, b or c``."""
-    *others, last = words
-    return f"{', '.join(others)} or {last}" if others else last
-
-
-def listed(names: Sequence[str], what: str) -> str:
-    """List a few names; of many, list the first ones and how many more there are.
+def listed(names: Sequence[str], more: str = "", *, word: str = "and") -> str:
+    """``a``, ``a and b``, ``a, b and c``; of many the first, and how many more there are.
 
     Args:
         names: at least one.
-        what: what they are, in the plural, such as ``photos``.
+        more: what they are, in the plural, such as ``photos``, where not all need to be named.
+        word: what stands before the last one.
 
     """
-    if len(names) <= _MOST_NAMES:
-        return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
-    few = _MOST_NAMES - 2
-    return f"{', '.join(names[:few])} and {len(names) - few} more {what}"
+    if more and len(names) > _MOST_NAMES:
+        few = _MOST_NAMES - 2
+        names = [*names[:few], f"{len(names) - few} more {more}"]
+    return f" {word} ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
 class Brief:
@@ -74,8 +75,3 @@ def _shorten(value: object) -> str:
         plain = len(value) <= _FEW and all(isinstance(one, str | int | float) for one in value)
         return repr(value) if plain else str(len(value))
     return type(value).__name__ if is_dataclass(value) else repr(value)
-
-
-def plural(number: float, what: str) -> str:
-    """Return ``1 photo``, ``2 photos``, ``1,200 photos``."""
-    return f"{number:,.0f} {what}{'' if number == 1 else 's'}"

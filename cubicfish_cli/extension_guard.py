@@ -16,9 +16,9 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from pkgutil import resolve_name
 from typing import Any, NamedTuple
 
+from cubicfish import CubicfishError, quoted
 from cubicfish.arguments import refuse_misfit
-from cubicfish.errors import CubicfishError
-from cubicfish.wording import is_name, quoted
+from cubicfish.wording import is_name
 from cubicfish_cli.core_table import CALIBRATION_FILES, COMMANDS, FRAMES, MAPS, commands_of
 from cubicfish_cli.extension_table import GROUP, TABLE, CameraFormat, Extension, Output
 

@@ -1,5 +1,7 @@
 """The names that this package offers: `lazy.py` reads them too."""
 
+from cubicfish.files.fingerprint import Fingerprint as Fingerprint
+from cubicfish.files.frame_names import FrameName as FrameName
 from cubicfish.files.reading import read_bytes as read_bytes
 from cubicfish.files.reading import read_text as read_text
 from cubicfish.files.tables import csv_text as csv_text

@@ -31,7 +31,7 @@ import stat
 from contextlib import suppress
 from pathlib import Path
 
-from cubicfish.errors import MISSING, CubicfishError
+from cubicfish.errors import CubicfishError
 
 MAX_COORDINATE = 1e9
 """Largest coordinate of points and pixels: no photo and no object has larger ones."""
@@ -56,7 +56,7 @@ def read_bytes(path: Path, *, max_bytes: int, error: type[CubicfishError]) -> by
             raw = first + file.read(max_bytes + 1)
     except (OSError, ValueError) as problem:  # ValueError: a name that no file can have
         if isinstance(problem, FileNotFoundError):
-            raise error(f"{path} {MISSING}") from problem
+            raise error.missing(path) from problem
         what = getattr(problem, "strerror", None) or problem
         raise error(f"{path} cannot be read: {what}") from problem
     if len(raw) > max_bytes:

@@ -6,8 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
-from cubicfish.fit.cubic_fit import CameraFit, PriorChoice
+from cubicfish.fit.cubic_fit import CameraFit
 from cubicfish.fit.held_out import HeldOut
+from cubicfish.fit.prior import Prior
 from cubicfish.io.camera_yaml import Calibrated, load_camera
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.fit_record import Departure, DroppedCorner
@@ -35,7 +36,6 @@ class Calibration(Calibrated):
         prior: the prior that ties P to the reference.
         runners_up: priors that other photos would choose, with their probabilities; none where no
             photo was left out.
-        unfit: photos that were left out, with the reason.
         target: the target as fitted (the given one where nothing was refined); None for pairs
             without one.
         renamed: photos whose corners were renamed since the print shows the target the other way
@@ -50,11 +50,15 @@ class Calibration(Calibrated):
     pairs: Observations
     residual: FloatArray
     held_out: HeldOut | None
-    prior: PriorChoice
-    runners_up: Mapping[PriorChoice, float]
-    unfit: dict[str, Finding]
+    prior: Prior
+    runners_up: Mapping[Prior, float]
     target: Target | None
     renamed: Mapping[str, Symmetry]
+
+    @property
+    def unfit(self) -> Mapping[str, Finding]:
+        """Photos that were left out, with the reason."""
+        return self.fit.unfit_images
 
     @property
     def refined(self) -> Level:

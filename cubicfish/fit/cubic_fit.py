@@ -1,18 +1,8 @@
-"""Fitting the cubic camera and all poses jointly, from the radial reference.
-
-A weak prior on a cone (pseudo-observations) ties P to the reference, bent as real lenses are: it
-keeps poles out where there are no corners, and fixes the rotation that P could otherwise absorb.
-How symmetric the prior's lens is, and how firmly the prior ties P to it, are two unknowns of each
-camera: :class:`PriorChoice`.
-
-Asymmetry is real on some lenses and absent on others, and how much of it corners can show depends
-on how many there are and on the errors that they share. So photos that are left out choose both,
-from the plain radial lens at one end to a nearly free P at the other.
-"""
+"""Fitting the cubic camera and all poses jointly, from the radial reference, under a prior of P."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -22,9 +12,7 @@ from cubicfish.errors import FitError
 from cubicfish.fit.lenses import CubicFit
 from cubicfish.fit.nearest_cubic import (
     MARGIN_DEG,
-    SAFER_PULLS,
     cone_angle,
-    linear_cubic,
 )
 from cubicfish.fit.radial_reference import RadialReference
 from cubicfish.models.cubic import pole_or_fold_deg
@@ -35,41 +23,19 @@ from cubicfish.solve.deformable_target import (
     Level,
     NominalTarget,
 )
-from cubicfish.solve.leave_one_out import LeaveOneOut
 from cubicfish.solve.poses import Poses
-from cubicfish.solve.statistics import ALIKE, huber_px, noise_px, wide_px
-from cubicfish.types import FloatArray, IntArray
+from cubicfish.solve.statistics import huber_px, wide_px
+from cubicfish.types import FloatArray
 
 if TYPE_CHECKING:
     from cubicfish.fit.held_out import HeldOut
+    from cubicfish.fit.prior import Prior
 
-# Expected travel of the entrance pupil, as a share of the corners' distance: millimetres at arm's
-# length.
-_TRAVEL_SPREAD = 0.02
-# Pixels that a unit of travel counts as where the pupil shall not move, whatever corners say.
-_STILL = 1e7
 _STRONGEST = 1e4
 NEAR_DECREASE = 1e-6
 """For fits that only lead to the next one."""
 # Below this, pixels move by less than a hundredth of their uncertainty.
 _LAST_DECREASE = 1e-8
-
-
-@dataclass(frozen=True, kw_only=True)
-class PriorChoice:
-    """The prior of P: the lens to which it ties P, and how firmly.
-
-    Attributes:
-        spread: expected asymmetry of the prior's lens (see
-            :class:`~cubicfish.fit.asymmetric.BentFit`); 0 for a symmetric one.
-        weight: weight of the pseudo-observations.
-        central: whether the entrance pupil does not move.
-
-    """
-
-    spread: float
-    weight: float
-    central: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,10 +56,10 @@ class CameraFit(Adjustment[CubicFit]):
     """
 
     reference: RadialReference
-    prior: PriorChoice
+    prior: Prior
     max_angle_deg: float
     nominal: NominalTarget
-    runners_up: Mapping[PriorChoice, float] = field(default_factory=dict)
+    runners_up: Mapping[Prior, float] = field(default_factory=dict)
     held_out: HeldOut | None = None
     other_levels: tuple[CameraFit, ...] = ()
 
@@ -121,31 +87,9 @@ class CameraFit(Adjustment[CubicFit]):
         return replace(self, reference=self.reference.followed(self.world.points))
 
 
-# From the most symmetric and the firmest prior on. An asymmetry of 0.01 is far more than any lens
-# on sale has; at a weight of 0.01 P is practically free.
-SPREADS = (0.0, 1e-4, 1e-3, 1e-2)
-WEIGHTS = tuple(10.0 ** (1.5 - step / 2) for step in range(8))
-FIRMEST = PriorChoice(spread=SPREADS[0], weight=WEIGHTS[0])
-RADIAL = PriorChoice(spread=0.0, weight=100.0, central=True)
-"""The prior that leaves P no choice but the cubic nearest to a radial lens."""
-# The prior that is expected before any photo is used: most lenses on sale have less asymmetry than
-# the largest that was found, and few corners need a firm prior.
-EXPECTED = PriorChoice(spread=1e-4, weight=WEIGHTS[2])
-# What one Gauss-Newton step says of a prior so many steps of the two lists away is rough.
-_FAR = 3
-# Fits that only lead to a choice need not be exact to the last digit.
-_SCAN_DECREASE = 1e-4
-# A sum of squared errors, pixels², that is nothing but rounding.
-_NO_ERROR = 1e-16
-# Number of bootstrap samples: they give the probability of a prior to 0.02.
-_DRAWS = 500
-
-_PRIORS = [PriorChoice(spread=spread, weight=weight) for spread in SPREADS for weight in WEIGHTS]
-
-
 def fit_cubic(
     reference: RadialReference,
-    prior: PriorChoice,
+    prior: Prior,
     *,
     start: CameraFit | None = None,
     world: DeformableTarget | None = None,
@@ -171,17 +115,7 @@ def fit_cubic(
     nominal = start.nominal if start else NominalTarget(pairs=reference.pairs)
     errors, known = (reference.errors, None) if start is None else (start.errors, start)
     while True:
-        # The most exact start without a pole in sight. A pole among the corners or beside them is
-        # no reason to give up, since photos and radial lens are right all the same.
-        for number, (lens, poses) in enumerate(starts(reference, prior, known, errors)):
-            with np.errstate(over="ignore"):
-                pixel = lens.project(poses.apply(reference.pairs.image, points))
-            if not np.isfinite(pixel).all() or not np.isfinite(lens.prior()).all():
-                continue
-            # A pole between corners and rays shows in neither, but a fit is known to have none.
-            is_known = known is not None and number == 0
-            if is_known or pole_or_fold_deg(lens.P, max_angle_deg) is None:
-                break
+        lens, poses = _choose_start(reference, prior, known, errors, points, max_angle_deg)
         fit = adjust(
             lens,
             poses,
@@ -214,163 +148,26 @@ def fit_cubic(
             )
 
 
-def starts(
-    reference: RadialReference, prior: PriorChoice, start: CameraFit | None, errors: FloatArray
-) -> Iterator[tuple[CubicFit, Poses]]:
-    """Lenses and poses from which to start: a known fit, the nearest cubic, and safer ones.
-
-    A solution from the corners themselves is biased by outliers and may have a pole just outside
-    them, where Levenberg–Marquardt then stays.
-
-    Args:
-        reference: the radial fit.
-        prior: the prior of P.
-        start: the known fit, if there is one.
-        errors: (N, 2) of the corners, as far as they are known, pixels.
-
-    """
-    if start is not None:
-        yield with_prior(start.lens, reference, prior, errors), start.poses
-    near, camera, (_, poses) = reference.cubic, reference.camera, reference.bent(prior.spread)
-    bent = reference.ray_prior(prior.spread).near.lens
-    yield with_prior(bent, reference, prior, errors), poses
-    pixel = camera.project(near.rays)
-    for pull in SAFER_PULLS:
-        safer = linear_cubic(near.rays, pixel, camera, denominator_pull=pull, weights=near.weights)
-        yield with_prior(safer, reference, prior, errors), reference.poses
-
-
-def with_prior(
-    lens: CubicFit, reference: RadialReference, prior: PriorChoice, errors: FloatArray
-) -> CubicFit:
-    """The same P with the prior for this reference.
-
-    A prior that is left from an earlier fit is for other corners and another noise.
-
-    Args:
-        lens: the lens.
-        reference: the radial fit.
-        prior: the choice of the prior.
-        errors: (N, 2) of the corners, pixels.
-
-    """
-    pairs, old, new = reference.pairs, lens.ray_prior, reference.ray_prior(prior.spread)
-    rays = new.near.rays
-    if old is None or old.near.rays is not rays:
-        lens = replace(reference.cubic.lens.with_pixels_of(lens, rays), travel=lens.travel)
-    lens = replace(lens, ray_prior=replace(new, weight=prior.weight))
-    if prior.central:
-        return replace(lens, travel=0.0, travel_weight=_STILL)
-    # What a unit of the pupil's travel counts as, among corners with these residuals.
-    points = reference.poses.apply(pairs.image, pairs.world)
-    distance = 1 / float(np.mean(1 / np.linalg.norm(points, axis=1)))
-    weight = max(noise_px(errors), 1e-3) * np.sqrt(ALIKE) / (_TRAVEL_SPREAD * distance)
-    return replace(lens, travel_weight=float(weight))
-
-
-def choose_prior(
+def _choose_start(
     reference: RadialReference,
-    groups: Sequence[IntArray],
-    *,
-    start: CameraFit | None = None,
-    everywhere: bool = False,
-) -> CameraFit:
-    """Fit the cubic under the prior that predicts photos left out best.
+    prior: Prior,
+    known: CameraFit | None,
+    errors: FloatArray,
+    points: FloatArray,
+    max_angle_deg: float,
+) -> tuple[CubicFit, Poses]:
+    """Choose the most exact start without a pole in sight; the safest one where all have one.
 
-    Fits under other priors, and without some photos, are one Gauss-Newton step away from a fit
-    under one prior; the best is then fitted in full.
-
-    Args:
-        reference: the radial fit.
-        groups: photos that are left out together; with fewer than two groups, the prior of
-            ``start``, or the expected one, is kept.
-        start: a fit to the same photos, whose target stays as free as it is, and whose prior is
-            where the search begins.
-        everywhere: compare all priors, as without a start; else only those around.
-
-    Returns:
-        A fit that is good to compare and to continue from, but not exact to the last digit.
-
-    Raises:
-        FitError: the first prior, or the chosen one, gives no sound camera.
-
+    A pole among the corners or beside them is no reason to give up, since photos and radial lens
+    are right all the same.
     """
-    prior = EXPECTED if start is None else start.prior
-    if len(groups) < 2:
-        return fit_cubic(reference, prior, start=start, relative_decrease=_SCAN_DECREASE)
-    away = np.abs(np.subtract([_find_place(one) for one in _PRIORS], _find_place(prior)))
-    steps = away.sum(axis=1)
-    farthest = np.inf if everywhere or start is None else 1
-    begun = _PRIORS[int(steps.argmin())]
-    priors = [_PRIORS[near] for near in np.flatnonzero(steps <= farthest)]
-    start = fit_cubic(reference, begun, start=start, relative_decrease=_SCAN_DECREASE)
-    squares = _predict_squares(start, reference, groups, priors)
-    start = start.without_equations()
-    chosen, runners_up = _choose_likeliest(priors, squares)
-    # A prior that was made firmer stays so.
-    prior = start.prior if chosen == begun else chosen
-    fitted = fit_cubic(reference, prior, start=start, relative_decrease=NEAR_DECREASE)
-    if everywhere and steps[_PRIORS.index(chosen)] >= _FAR:  # those around it again, from there
-        return choose_prior(reference, groups, start=fitted)
-    return replace(fitted, runners_up=runners_up)
-
-
-def _find_place(prior: PriorChoice) -> tuple[int, int]:
-    """Indices of the nearest entries of SPREADS and WEIGHTS."""
-    weight = np.abs(np.log(WEIGHTS) - np.log(prior.weight)).argmin()
-    return int(np.abs(np.array(SPREADS) - prior.spread).argmin()), int(weight)
-
-
-def _predict_squares(
-    start: CameraFit,
-    reference: RadialReference,
-    groups: Sequence[IntArray],
-    priors: Sequence[PriorChoice],
-) -> FloatArray:
-    """Predict squared errors (priors, M) of each photo under a fit without it, over its corners.
-
-    The fits are under some priors, to first order from a fit under one of them.
-
-    Args:
-        start: that fit.
-        reference: the radial fit to which the priors tie P.
-        groups: photos that are left out together.
-        priors: the priors; those of one spread stand together.
-
-    """
-    grams = []
-    for spread in dict.fromkeys(one.spread for one in priors):
-        weights = np.array([one.weight for one in priors if one.spread == spread])
-        grams.append(replace(start.lens, ray_prior=reference.ray_prior(spread)).priors(weights))
-    photos = LeaveOneOut(start, groups).residuals(np.concatenate(grams))
-    squares = {photo: np.nansum(np.square(residual), axis=(0, 1)) for photo, residual in photos}
-    return np.array([squares[photo] for photo in range(len(squares))]).T
-
-
-def _choose_likeliest(
-    priors: Sequence[PriorChoice], squares: FloatArray
-) -> tuple[PriorChoice, dict[PriorChoice, float]]:
-    """Choose the prior that is taken, and those that would be taken for other photos.
-
-    Corners of one photo share their errors: together they count as one corner, whose noise belongs
-    to that photo alone and is unknown. Integrated over this noise with the prior 1/σ, the
-    likelihood is 1 / squared error. So no photo outweighs the others.
-
-    The probability of a prior is how often it is taken when as many photos are drawn from these
-    with repetition (the bootstrap, by which Buckland, Burnham & Augustin 1997 weigh models).
-
-    Args:
-        priors: the priors.
-        squares: the squared errors of each photo under them, see :func:`_predict_squares`.
-
-    """
-    evidence = np.ascontiguousarray(-np.log(np.maximum(squares, _NO_ERROR)))
-    # Log prior of each, up to a constant: a step in either list is one standard deviation.
-    away = np.subtract([_find_place(one) for one in priors], _find_place(EXPECTED))
-    expected = -np.square(away).sum(axis=1) / 2
-    chosen, photos = int((evidence.sum(axis=1) + expected).argmax()), evidence.shape[1]
-    sampled = np.random.default_rng(0).multinomial(photos, np.full(photos, 1 / photos), _DRAWS)
-    taken = (sampled @ evidence.T + expected).argmax(axis=1)
-    likely = np.bincount(taken, minlength=len(priors)) / _DRAWS
-    others = [other for other in np.flatnonzero(likely).tolist() if other != chosen]
-    return priors[chosen], {priors[one]: float(likely[one]) for one in others}
+    for number, (lens, poses) in enumerate(prior.starts(reference, known, errors)):
+        with np.errstate(over="ignore"):
+            pixel = lens.project(poses.apply(reference.pairs.image, points))
+        if not np.isfinite(pixel).all() or not np.isfinite(lens.prior()).all():
+            continue
+        # A pole between corners and rays shows in neither, but a fit is known to have none.
+        is_known = known is not None and number == 0
+        if is_known or pole_or_fold_deg(lens.P, max_angle_deg) is None:
+            break
+    return lens, poses

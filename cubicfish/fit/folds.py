@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import KDTree
 
-from cubicfish.files.frame_names import film_and_time
+from cubicfish.files.frame_names import FrameName
 from cubicfish.fit.radial_reference import RadialReference
 from cubicfish.geometry import outermost
 from cubicfish.solve.poses import Poses
@@ -67,7 +67,7 @@ def dealt(group: IntArray, images: Sequence[str], parts: int) -> IntArray:
     """
     by_name = np.argsort(np.array(images), kind="stable")
     _, first = np.unique(group[by_name], return_index=True)
-    of_film = np.array([film_and_time(images[by_name[photo]]) is not None for photo in first])
+    of_film = np.array([FrameName.read(images[by_name[photo]]) is not None for photo in first])
     part = np.empty(len(first), np.intp)
     for some, in_blocks in ((of_film, True), (~of_film, False)):
         rank = np.argsort(np.argsort(first[some]))

@@ -7,18 +7,14 @@ from dataclasses import replace
 from functools import partial
 from typing import Literal
 
-from cubicfish.fit.cubic_fit import (
-    FIRMEST,
-    NEAR_DECREASE,
-    RADIAL,
-    CameraFit,
-    fit_cubic,
-)
+from cubicfish.fit.cubic_fit import NEAR_DECREASE, CameraFit, fit_cubic
 from cubicfish.fit.folds import folds_of
 from cubicfish.fit.held_out import held_out_error
 from cubicfish.fit.orientation import oriented
+from cubicfish.fit.prior import FIRMEST, RADIAL
 from cubicfish.fit.refinement import refine_object
-from cubicfish.solve.deformable_target import LEVELS
+from cubicfish.solve.deformable_target import LEVELS, Level
+from cubicfish.types import IntArray
 
 Progress = Callable[[str, float], None]
 # For each stage its name, and roughly the share of a fit that is done when it begins.
@@ -60,32 +56,56 @@ def select_model(
         FitError: no sound camera was found.
 
     """
-    auto = refine_target == "auto"
-    if fit.nominal.target is None or (auto and not hold_out):
-        refine_target = "off"
-    if hold_out and (auto or refine_target == "off"):
+    level: RefineTarget = "off" if fit.nominal.target is None else refine_target
+    if hold_out and level in ("off", "auto"):
         fit = _judge(fit, partial(begin, progress, "held out"))
-    if refine_target == "off" or (auto and fit.held_out is None):
+    if level == "off" or (level == "auto" and fit.held_out is None):
         return fit
+    if level == "auto":
+        return _refine_while_photos_gain(fit, progress)
+    return _refine_up_to(fit, level, hold_out, progress)
+
+
+def _refine_up_to(
+    fit: CameraFit, level: Level, hold_out: bool, progress: Progress | None
+) -> CameraFit:
+    """Refine the target up to a level, whether photos gain by it or not."""
+    groups = folds_of(fit.reference)
+    for lower in LEVELS[1 : LEVELS.index(level)]:
+        begin(progress, lower)
+        # The prior of P matters where the selection ends.
+        fit = refine_object(fit, lower, ())
+    if hold_out:
+        return _refine_judged(fit, level, groups, progress)
+    begin(progress, level)
+    return refine_object(_namings(fit, level)[-1], level, groups)
+
+
+def _refine_while_photos_gain(fit: CameraFit, progress: Progress | None) -> CameraFit:
+    """Refine the target as far as photos gain by it that were left out."""
     groups, current, judged = folds_of(fit.reference), fit, [fit]
     for level in LEVELS[1:]:
-        begin(progress, level)
-        starts = oriented(current) if level == "points" else [current]
-        # The prior of P matters where the selection may end.
-        may_end = auto or level == refine_target
-        if hold_out and may_end:
-            report = partial(begin, progress, f"{level} held out")
-            refined = [refine_object(start, level, groups) for start in starts]
-            current = better_named([_judge(one, report) for one in refined])
-        else:
-            current = refine_object(starts[-1], level, groups if may_end else ())
+        current = _refine_judged(current, level, groups, progress)
         judged.append(current)
         # A flat board with true outlines may still have corners off their places.
-        if not auto or _gains(current, fit):
+        if _gains(current, fit):
             fit = current
-        if level == refine_target:
-            break
     return replace(fit, other_levels=tuple(one for one in judged if one is not fit))
+
+
+def _refine_judged(
+    fit: CameraFit, level: Level, groups: Sequence[IntArray], progress: Progress | None
+) -> CameraFit:
+    """Refine the target at the next level, and measure the held-out error."""
+    begin(progress, level)
+    report = partial(begin, progress, f"{level} held out")
+    refined = [refine_object(start, level, groups) for start in _namings(fit, level)]
+    return better_named([_judge(one, report) for one in refined])
+
+
+def _namings(fit: CameraFit, level: Level) -> list[CameraFit]:
+    """Fits from which to start a level: as corners are named, and as they may be named better."""
+    return oriented(fit) if level == "points" else [fit]
 
 
 def _gains(richer: CameraFit, poorer: CameraFit) -> bool:

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.special import ndtri, stdtrit
 
 from cubicfish.fit.asymmetric import BentFit
-from cubicfish.fit.cubic_fit import CameraFit, with_prior
+from cubicfish.fit.cubic_fit import CameraFit
 from cubicfish.fit.folds import dealt_out
 from cubicfish.fit.lenses import CubicFit
 from cubicfish.fit.nearest_cubic import MARGIN_DEG
@@ -148,7 +148,7 @@ def photo_spread(
     others = [np.sqrt(likely) * _measure_step(fit.lens, lens, rays) for lens, likely in doubted]
     if fit.runners_up:
         steps = leave_one_out.steps_under(
-            [with_prior(fit.lens, reference, prior, fit.errors) for prior in fit.runners_up]
+            [prior.apply(fit.lens, reference, fit.errors) for prior in fit.runners_up]
         )
         others += list(np.sqrt([*fit.runners_up.values()])[:, None] * steps[:, :count])
     return PhotoSpread(

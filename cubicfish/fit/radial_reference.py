@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice, pairwise, product
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from cubicfish.angles import angle_from_axis
 from cubicfish.errors import FitError
-from cubicfish.fit.asymmetric import BentFit
-from cubicfish.fit.lenses import RayPrior
 from cubicfish.fit.nearest_cubic import (
     MARGIN_DEG,
     NearestCubic,
-    cone_angle,
-    nearest_bent_cubic,
     nearest_cubic,
 )
 from cubicfish.fit.start import NONE_PLACED, fit_poses, start_at_centre
@@ -33,6 +29,7 @@ from cubicfish.solve.subset import select_photos
 from cubicfish.target.observations import Observations
 from cubicfish.types import BoolArray, FloatArray, IntArray
 
+T = TypeVar("T")
 RadialAdjustment = Adjustment[FreeLens[RadialCamera]]
 
 CHECK_ALL = (
@@ -64,15 +61,7 @@ _ALL_TERMS = 4
 _NEAR_DECREASE = 1e-8
 # For fits that another fit follows at once.
 _ROUGH_DECREASE = 1e-5
-# For a lens that is only the prior's, and starts the search for the nearest one.
-_BENT_DECREASE = 1e-4
-# A turn of the camera with decentring and tilt does what a shift of the principal point does, to
-# well below any noise. So that the frame is not left to chance, the prior's lens stays within about
-# this share of the focal length of the principal point that the corners gave.
-_CENTRE_SPREAD = 0.01
-# Expected relative departure of P3Φ from that of the cubic nearest to the prior's lens: so loose
-# that the optimum hardly depends on it, and far from a pole.
-_DENOMINATOR_SPREAD = 0.3
+_CUBIC = "cubic"
 LOST_PX = 10.0
 """The error, at first, of a corner that a known lens does not see."""
 
@@ -89,9 +78,7 @@ class RadialReference(RadialAdjustment):
 
     unfit: dict[str, Finding]
     focal_uncertainty: float
-    _bent: dict[float, tuple[BentFit, Poses]] = field(default_factory=dict, init=False, repr=False)
-    _cubic: list[NearestCubic] = field(default_factory=list, init=False, repr=False)
-    _priors: dict[float, RayPrior] = field(default_factory=dict, init=False, repr=False)
+    _found: dict[Hashable, Any] = field(default_factory=dict, init=False, repr=False)
     _known_cubic: NearestCubic | None = None
 
     @property
@@ -105,69 +92,26 @@ class RadialReference(RadialAdjustment):
         return len(self.lens.free) - 4
 
     def followed(self, world: FloatArray) -> RadialReference:
-        """The same lens and its bent ones, for world points (N, 3) that moved a little."""
+        """The same lens, and what was found of it, for world points (N, 3) that moved a little."""
         follower = replace(self, pairs=self.pairs.with_world(world))
-        follower._bent.update(self._bent)
-        follower._cubic.extend(self._cubic)
-        follower._priors.update(self._priors)
+        follower._found.update(self._found)
         return follower
+
+    def once(self, what: Hashable, find: Callable[[], T]) -> T:
+        """Find something of this lens where it is not known yet, and keep it under this key."""
+        if what not in self._found:
+            self._found[what] = find()
+        found: T = self._found[what]
+        return found
 
     @property
     def cubic(self) -> NearestCubic:
         """The cubic that comes nearest to the lens."""
-        if not self._cubic:
-            self._cubic.append(nearest_cubic(self.camera, self.covered_angles, self._known_cubic))
-        return self._cubic[0]
 
-    def bent(self, spread: float) -> tuple[BentFit, Poses]:
-        """The bent lens nearest to the corners, anchored there, and the poses that go with it.
+        def find() -> NearestCubic:
+            return nearest_cubic(self.camera, self.covered_angles, self._known_cubic)
 
-        Args:
-            spread: the expected asymmetry, see :class:`BentFit`.
-
-        """
-        if spread not in self._bent:
-            poses = self.poses
-            lens = BentFit(
-                values=np.append(self.camera.parameters, np.zeros(5)),
-                terms=self.terms,
-                noise_px=max(noise_px(self.errors), 1e-3),
-                spread=spread,
-            )
-            if spread:
-                pairs, limit, least = self.pairs, wide_px(self.errors), _BENT_DECREASE
-                fit = adjust(
-                    lens, poses, pairs, limit, relative_decrease=least, damping=WARM_DAMPING
-                )
-                lens, poses = fit.lens, fit.poses
-            about = _CENTRE_SPREAD * float(lens.values[:2].mean())
-            self._bent[spread] = replace(lens, anchor=lens.values[2:4], anchor_px=about), poses
-        return self._bent[spread]
-
-    def ray_prior(self, spread: float) -> RayPrior:
-        """The prior of weight 1 that ties P to the bent lens, and P3Φ to its nearest cubic's.
-
-        Not to that of the cubic nearest to the radial lens: where a mirror is not centred on its
-        camera that lens is off by pixels, and its P3Φ by its own size.
-
-        Args:
-            spread: the expected asymmetry, see :class:`BentFit`.
-
-        """
-        if spread not in self._priors:
-            (lens, poses), near = self.bent(spread), self.cubic
-            seen = lens.project(poses.apply(self.pairs.image, self.pairs.world))
-            errors = (seen - self.pairs.pixel)[self.pairs.error_known]
-            sigma = max(noise_px(errors[np.isfinite(errors).all(axis=1)]), 1e-3)
-            # So that 16 independent relative changes of P3Φ by its spread count as one noise each.
-            firm = float(sigma / _DENOMINATOR_SPREAD * np.sqrt(16 / len(near.rays)))
-            if spread:
-                valid_deg = float(np.rad2deg(cone_angle(self.camera, self.covered, MARGIN_DEG)))
-                near = nearest_bent_cubic(near, lens.project(near.rays), firm, valid_deg)
-            self._priors[spread] = RayPrior(
-                near=near, lens=lens, weight=1.0, denominator_weight=firm
-            )
-        return self._priors[spread]
+        return self.once(_CUBIC, find)
 
     @property
     def covered(self) -> float:
@@ -252,7 +196,7 @@ def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) 
     This serves for pairs without the outliers, and for the training part of a fold.
     """
     fit = _refit(reference.lens, poses, pairs, reference.errors, reference.unfit)
-    known = reference._cubic[0] if reference._cubic else reference._known_cubic
+    known = reference._found.get(_CUBIC, reference._known_cubic)
     return replace(fit, _known_cubic=known)
 
 

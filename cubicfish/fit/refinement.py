@@ -6,8 +6,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from cubicfish.fit.cubic_fit import CameraFit, choose_prior, fit_cubic
+from cubicfish.fit.cubic_fit import CameraFit, fit_cubic
 from cubicfish.fit.folds import folds_of
+from cubicfish.fit.prior import choose_prior
 from cubicfish.fit.radial_reference import refit_radial
 from cubicfish.solve.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish.solve.deformable_target import Level, NominalTarget

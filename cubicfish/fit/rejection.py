@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish.fit.cubic_fit import EXPECTED, CameraFit, fit_cubic
+from cubicfish.fit.cubic_fit import CameraFit, fit_cubic
+from cubicfish.fit.prior import EXPECTED
 from cubicfish.fit.radial_reference import RadialReference, refit_radial
 from cubicfish.judge.codes import Code
 from cubicfish.judge.finding import Finding

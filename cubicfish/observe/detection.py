@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import compress
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,13 +17,14 @@ import numpy.typing as npt
 from cubicfish.arrays import Refusal
 from cubicfish.diagnosis.diagnose import find_faults
 from cubicfish.diagnosis.evidence import GridEvidence, MarkerEvidence, PhotoEvidence
-from cubicfish.errors import DetectionError, OutputError
-from cubicfish.files.whole_files import StrPath, refuse_outside
+from cubicfish.errors import DetectionError
+from cubicfish.files.whole_files import StrPath
 from cubicfish.find.identification.identified import (
     FEWEST_CORNERS,
     Detection,
     PhotoReport,
     marked_corners,
+    nameless,
     nominal_target_fits,
     remarks_of,
 )
@@ -33,9 +34,9 @@ from cubicfish.find.identification.second_pass import (
     predicted_corners,
     with_added,
 )
-from cubicfish.judge.codes import Code, Severity, words
+from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
-from cubicfish.listener import SILENT, Event, Listener
+from cubicfish.listener import Event, Listener
 from cubicfish.observe.photo_detection import (
     GridCache,
     PhotoDetection,
@@ -46,7 +47,6 @@ from cubicfish.photos.photos import Photo, find_photos, refuse_no_picture
 from cubicfish.run import Run
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
-from cubicfish.wording import plural
 from cubicfish.workers.pool import Work
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def detect(
     *,
     jobs: int | None = 1,
     cache: StrPath | None = None,
-    listener: Listener = SILENT,
+    listener: Listener = Listener(),
 ) -> Detection:
     """Find the corners of ``target`` in photos and name them, as ``cubicfish detect`` does.
 
@@ -93,16 +93,34 @@ def detect(
     return find_corners(_make_photos(photos), [target], run)
 
 
-def find_corners(photos: Sequence[Photo], targets: Sequence[Target], run: Run) -> Detection:
-    """Both passes of :func:`detect`; of several targets, for the one that explains most corners.
+def find_corners(
+    photos: Sequence[Photo],
+    targets: Sequence[Target],
+    run: Run,
+    *,
+    again: bool = True,
+    step: str = "Finding corners",
+) -> Detection:
+    """Find corners as :func:`detect` does; of several targets those of the one that explains most.
+
+    Args:
+        photos: the photos, in memory or in files.
+        targets: with the same boards but for their colours; ``corners.target`` of the result says
+            which it is. Without any, grids of squares are found, all of one size, which the reports
+            on photos have: their corners have no names.
+        run: how the work is done.
+        again: whether a second pass follows, and the listener is told of both.
+        step: what progress is called.
 
     Raises:
-        DetectionError: no corner could be named in any photo.
+        ClusterError: the executor cannot do the work.
+        DetectionError: no corner could be named in any photo; the text says what to check.
 
     """
+    if not again:
+        return first_pass(photos, targets, run.work(step), run.cache)
     run.listener.tell(Event.LOOKING, photos=len(photos))
-    work = run.work("Finding corners")
-    detection = first_pass(photos, targets, work, run.cache)
+    detection = first_pass(photos, targets, run.work(step), run.cache)
     target = detection.corners.target
     if target is not None:
         work = run.work("Looking again")
@@ -171,8 +189,7 @@ def first_pass(
 
     Args:
         photos: the photos.
-        targets: at least one, with the same boards but for their colours; ``corners.target`` of
-            the result says which it is.
+        targets: as for :func:`find_corners`.
         work: who searches the photos.
         cache: a folder in which what is found in files is kept; None searches them all.
 
@@ -183,8 +200,11 @@ def first_pass(
 
     """
     kept = None if cache is None else GridCache(folder=Path(cache).absolute())
-    detect_one = partial(detect_in_photo, target=targets[0], cache=kept)
+    detect_one = partial(detect_in_photo, target=next(iter(targets), None), cache=kept)
     found = work.done(detect_one, _make_paths_absolute(photos, work))
+    if not targets:
+        size = _find_common_size(found) or (0, 0)
+        return nameless([photo.name for photo in photos], [one.grids for one in found], size)
     named: list[Detection] = []
     for number, target in enumerate(targets, start=1):
         try:
@@ -234,7 +254,7 @@ def _name_corners(
     """
     size = _find_common_size(found)
     if size is None:
-        raise _make_error(_explain_nothing_read(found))
+        raise DetectionError(findings=[_explain_nothing_read(found)])
     showing = [_is_showing_boards(one) for one in found]
     found = [
         _refuse_other_size(one, photo.name, size) for one, photo in zip(found, photos, strict=True)
@@ -327,9 +347,9 @@ def _refuse(findings: Sequence[Finding], *, named: bool) -> None:
     """Refuse corners that would have the names of others; or none, where that is explained."""
     for finding in findings:
         if finding.severity is Severity.BAD and finding.code in _REFUSED:
-            raise _make_error(finding)
+            raise DetectionError(findings=[finding])
         if finding.severity is not Severity.NOTE and not named:
-            raise DetectionError(_NOT_NAMED, do=finding.line)
+            raise DetectionError(_NOT_NAMED, findings=[finding])
 
 
 def _is_showing_boards(detected: PhotoDetection) -> bool:
@@ -360,14 +380,10 @@ def _report_twice_in_view(marked: MarkedCorners, name: str, target: Target) -> t
     return tuple(twice(boards=(target.boards[one].name,)) for one in marked.contradictory)
 
 
-def _make_error(finding: Finding) -> DetectionError:
-    return DetectionError(finding.why, do=finding.do)
-
-
 def _explain_nothing_read(found: Sequence[PhotoDetection]) -> Finding:
     if not found:
         return Finding(code=Code.NO_PHOTO, severity=Severity.BAD)
-    first = next(one.refusal.line for one in found if one.refusal)
+    first = next(one.refusal for one in found if one.refusal)
     case = "none_usable" if len(found) == 1 else "several"
     figures = {"first": first, "more": len(found) - 1}
     return Finding(code=Code.NO_PHOTO, case=case, severity=Severity.BAD, figures=figures)
@@ -378,32 +394,6 @@ def _explain_no_checkerboard(found: Sequence[PhotoDetection]) -> DetectionError:
     refusals = [one.refusal for one in found if one.refusal]
     kinds = Counter((refusal.code, refusal.case) for refusal in refusals)
     most = max(refusals, key=lambda refusal: kinds[refusal.code, refusal.case])
-    cases = [f"{most.case}_all", "all"] if most.case else ["all"]
-    for case in cases:
-        if words().has(most.code, case):
-            figures = {**most.figures, "photos": len(found)}
-            return DetectionError(replace(most, case=case, figures=figures).line)
-    return DetectionError(f"{plural(len(found), 'photo')}, no checkerboard: {most.line}")
-
-
-def drawings(folder: Path, photos: Sequence[Photo]) -> dict[str, Path]:
-    """Where the drawing of each photo goes, by the photo's name.
-
-    The photo's suffix is left out, unless two drawings would then have one name or a drawing
-    would replace a photo.
-
-    Raises:
-        OutputError: a drawing would replace a photo whatever it is called.
-
-    """
-    taken = {os.path.realpath(photo.path) for photo in photos}
-    full = [photo.name for photo in photos]
-    short = [PurePath(name).with_suffix("").as_posix() for name in full]
-    for names in (short, full):
-        paths = [folder / f"{name}.png" for name in names]
-        # File systems may not tell a from A.
-        apart = names is full or len({name.casefold() for name in names}) == len(names)
-        refuse_outside(folder, paths)
-        if apart and taken.isdisjoint(map(os.path.realpath, paths)):
-            return dict(zip(full, paths, strict=True))
-    raise OutputError(f"drawings in {folder} would replace photos: choose another folder")
+    most = replace(most, figures={**most.figures, "photos": len(found)})
+    photos = f"{len(found):,} photo{'s' * (len(found) != 1)}"
+    return DetectionError(f"{photos}, no checkerboard", findings=[most])

@@ -4,4 +4,3 @@ from cubicfish.photos.photos import Photo as Photo
 from cubicfish.photos.photos import Picture as Picture
 from cubicfish.photos.photos import find_photos as find_photos
 from cubicfish.photos.photos import read_grey as read_grey
-from cubicfish.photos.photos import shown as shown

@@ -22,11 +22,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.errors import MISSING, CubicfishError, PhotoError
+from cubicfish.errors import CubicfishError, PhotoError
 from cubicfish.files.whole_files import on_host
-from cubicfish.find.demosaic import evened
+from cubicfish.photos.demosaic import evened
 from cubicfish.threads import Shared
-from cubicfish.wording import either, listed, quoted
+from cubicfish.wording import listed, quoted, shown
 
 Picture = npt.NDArray[np.integer[Any] | np.floating[Any]]
 
@@ -112,11 +112,6 @@ def natural_key(text: str) -> tuple[tuple[int, int | str], ...]:
     return tuple((0, int(part)) if part.isdecimal() else (1, part) for part in parts if part)
 
 
-def shown(path: str | os.PathLike[str]) -> str:
-    """A path for a message of one line: control characters escaped."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in os.fspath(path))
-
-
 def find_photos(
     arguments: Iterable[str | os.PathLike[str]], remarks: list[str] | None = None
 ) -> list[Photo]:
@@ -199,7 +194,7 @@ def _expand(argument: str, missed: list[Path]) -> list[Path]:
         raise PhotoError(f"{shown(argument)} cannot be read: {what}") from problem
     if matches == [path]:
         if not os.path.lexists(path):
-            raise PhotoError(f"{shown(argument)} {MISSING}")
+            raise PhotoError.missing(argument)
         return matches
     photos = [match for match in matches if is_photo_name(match) and not match.is_dir()]
     if not photos:
@@ -347,7 +342,7 @@ def refuse_no_picture(
     if value.ndim not in (2, 3) or (value.ndim == 3 and not 1 <= value.shape[2] <= 4):
         raise error(f"{name} has the shape {value.shape}, not (H, W) or (H, W, 1 to 4)")
     if value.dtype not in kinds:
-        names = either([kind.__name__ for kind in kinds])
+        names = listed([kind.__name__ for kind in kinds], word="or")
         raise error(f"{name} holds {value.dtype} numbers, not {names}")
     if not 0 < value.shape[0] * value.shape[1] <= MAX_PIXELS:
         raise error(

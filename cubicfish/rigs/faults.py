@@ -10,8 +10,8 @@ from scipy.special import fdtrc
 from cubicfish.diagnosis.photo_lenses import best_cut
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
+from cubicfish.rigs.joint_fit import RigProblem
 from cubicfish.rigs.rig_lens import RigLens
-from cubicfish.rigs.start import RigStart
 from cubicfish.rigs.times import Clocks, Timing, clocks_of
 from cubicfish.rigs.views import JoinedViews
 from cubicfish.solve.adjustment import Adjustment, linearise
@@ -68,27 +68,29 @@ class RigEvidence:
     """A fitted rig.
 
     Attributes:
-        names: of the cameras.
-        fit: of the rig.
-        pairs: its pairs.
-        moved: cameras that were found to have moved, as far as that was taken out.
-        timing: how its photos' times were fitted; None where they are not.
-        start: where it started from.
+        problem: what was fitted.
         views: its views, by which photos and shots are named.
-        scale: the target's units in one unit of the pairs.
-        units: of the target; None where they are not known.
+        fit: of the rig.
+        timing: how its photos' times were fitted; None where they are not.
+        moved: cameras that were found to have moved, as far as that was taken out.
 
     """
 
-    names: Sequence[str]
-    fit: Adjustment[RigLens]
-    pairs: Observations
-    moved: Sequence[Moved]
-    timing: Timing | None
-    start: RigStart
+    problem: RigProblem
     views: JoinedViews
-    scale: float
-    units: str | None
+    fit: Adjustment[RigLens]
+    timing: Timing | None
+    moved: Sequence[Moved] = ()
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The cameras' names."""
+        return self.problem.names
+
+    @cached_property
+    def pairs(self) -> Observations:
+        """Its pairs, all of one weight, with the world points that were fitted."""
+        return self.problem.pairs.with_world(self.fit.world.points)
 
     @property
     def lens(self) -> RigLens:
@@ -203,8 +205,8 @@ def camera_moved(evidence: RigEvidence) -> list[Finding]:
             shots=(moved.shot,),
             figures={
                 "turn_deg": float(np.rad2deg(np.linalg.norm(moved.step[:3]))),
-                "shift": float(np.linalg.norm(moved.step[3:])) * evidence.scale,
-                "units": evidence.units or "of the target's units",
+                "shift": float(np.linalg.norm(moved.step[3:])) * evidence.problem.common.scale,
+                "units": evidence.problem.units or "of the target's units",
                 "effect_px": moved.effect_px,
                 "photos": len(moved.apart),
                 "part": ("before" if moved.before else "after") if len(moved.apart) else "none",
@@ -255,7 +257,7 @@ def _report_off(
     cameras = tuple(names) if both else tuple(names[one] for one in whom)
     return Finding(
         code=code,
-        severity=Severity.BAD if code is Code.NOT_AT_ONCE else Severity.CARE,
+        severity=Severity.BAD if code == Code.NOT_AT_ONCE else Severity.CARE,
         case="either" if len(cameras) > 1 else "",
         cameras=cameras,
         shots=shots,
@@ -306,7 +308,7 @@ def free_running(evidence: RigEvidence) -> list[Finding]:
 
 def mismatched(evidence: RigEvidence) -> list[Finding]:
     """Photos that are not of their shot."""
-    names, start, lens = evidence.names, evidence.start, evidence.lens
+    names, start, lens = evidence.names, evidence.problem.start, evidence.lens
     return [
         Finding(
             code=Code.SHOT_MISMATCHED,

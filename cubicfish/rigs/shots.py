@@ -6,10 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
-from cubicfish.errors import CorrespondenceError, FitError, UsageError
-from cubicfish.files.frame_names import film_and_time
+from cubicfish.errors import CorrespondenceError, FitError
+from cubicfish.files.frame_names import FrameName
 from cubicfish.files.tables import read_table
-from cubicfish.photos.photos import shown
 from cubicfish.wording import quoted
 
 TOLERANCE = 5e-3
@@ -41,7 +40,7 @@ Times = Mapping[str, Mapping[str, float]]
 def match_shots(
     photos: Mapping[str, Sequence[str]],
     shots: Matching,
-    tolerance: float = TOLERANCE,
+    tolerance: float | None = None,
     times: Times | None = None,
 ) -> Shots:
     """The shots of photos (by camera), as :func:`calibrate_rig` is asked for them.
@@ -57,7 +56,7 @@ def match_shots(
     if shots == "time":
         known = times or {}
         found = {camera: times_of(names, known.get(camera)) for camera, names in photos.items()}
-        return shots_by_time(photos, found, tolerance)
+        return shots_by_time(photos, found, TOLERANCE if tolerance is None else tolerance)
     if isinstance(shots, str):
         raise FitError(f"shots {quoted(shots)} is not known: use 'name', 'time', or rows")
     return shots_of_table(photos, shots)
@@ -99,37 +98,6 @@ def load_times(path: Path, cameras: Sequence[str]) -> Times:
     return times
 
 
-def owners_of(paths: Sequence[Path], cameras: Sequence[str]) -> list[str]:
-    """The camera that each photo, folder or table is of.
-
-    They belong to the camera that their folder is called after, or their own name begins with;
-    where each is called after the camera whose turn it is, or after none, they are in the cameras'
-    order.
-
-    Raises:
-        UsageError: it is not known which camera one is of.
-
-    """
-    owners = [_find_owner(path.absolute(), cameras) for path in paths]
-    in_order = zip(owners, cameras, strict=False)
-    if len(paths) == len(cameras) and all(owner in ("", camera) for owner, camera in in_order):
-        return list(cameras)
-    for path, owner in zip(paths, owners, strict=True):
-        if not owner:
-            raise UsageError(
-                f"which camera is {shown(path)} of? Call its folder after one of "
-                f"{', '.join(cameras)}, or name one photo or folder of each, in that order"
-            )
-    return owners
-
-
-def _find_owner(path: Path, cameras: Sequence[str]) -> str:
-    """The camera that a photo, a folder or a table is called after; empty for none."""
-    called = path.name if path.is_dir() else path.parent.name
-    starts = [name for name in cameras if path.name.startswith(name)]
-    return called if called in cameras else max(starts, key=len, default="")
-
-
 def shots_by_name(photos: Mapping[str, Sequence[str]]) -> Shots:
     """Photos (by camera) of the same name, whatever their folder and kind of file, are one shot.
 
@@ -162,23 +130,28 @@ def shots_by_name(photos: Mapping[str, Sequence[str]]) -> Shots:
     )
 
 
-def times_of(photos: Iterable[str], times: Mapping[str, float] | None) -> dict[str, float | None]:
-    """When photos were taken, by a table (in which folders may be left out), or by their names."""
+def times_of(photos: Iterable[str], times: Mapping[str, float] | None) -> dict[str, float]:
+    """When photos were taken, by a table (in which folders may be left out), or by their names.
+
+    Photos whose time is not known are left out.
+    """
     if times is None:
-        return {photo: time_of(photo) for photo in photos}
-    return {photo: times.get(photo, times.get(os.path.basename(photo))) for photo in photos}
+        found = {photo: time_of(photo) for photo in photos}
+    else:
+        found = {photo: times.get(photo, times.get(os.path.basename(photo))) for photo in photos}
+    return {photo: time for photo, time in found.items() if time is not None}
 
 
 def shots_by_time(
     photos: Mapping[str, Sequence[str]],
-    times: Mapping[str, Mapping[str, float | None]],
+    times: Times,
     tolerance: float,
 ) -> Shots:
     """Photos (by camera) that were taken at one time are one shot: each with the nearest of others.
 
     Args:
         photos: by camera, their names.
-        times: by camera and photo, seconds on one clock; None where not known.
+        times: by camera and photo, seconds on one clock, as far as known.
         tolerance: how far from the first of a shot the others may be, seconds.
 
     Raises:
@@ -283,7 +256,7 @@ def time_of(photo: str) -> float | None:
     A frame of a film has it, and so have names that hold a time since 1970 (in seconds, or
     whole milliseconds, microseconds or nanoseconds), or nothing but a number with a point.
     """
-    frame = film_and_time(photo)
+    frame = FrameName.read(photo)
     if frame is not None:
         return frame[1]
     path = PurePath(photo)

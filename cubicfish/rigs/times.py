@@ -17,7 +17,8 @@ import numpy as np
 
 from cubicfish.rigs.motion import paths_between
 from cubicfish.rigs.rig_lens import PhotoTimes, RigLens
-from cubicfish.rigs.shots import times_of
+from cubicfish.rigs.shots import Shots, Times, times_of
+from cubicfish.rigs.views import JoinedViews
 from cubicfish.solve.adjustment import WARM_DAMPING, Adjustment, linearise
 from cubicfish.solve.normal_equations import solve_scaled
 from cubicfish.solve.statistics import huber_px, noise_px
@@ -46,7 +47,7 @@ _VISIBLE = 0.2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Moving:
+class CornerMotion:
     """How the corners of some photos move, row by row.
 
     Attributes:
@@ -63,10 +64,10 @@ class Moving:
     @classmethod
     def of_cameras(
         cls,
-        cameras: Sequence[tuple[Observations, Moving | None]],
+        cameras: Sequence[tuple[Observations, CornerMotion | None]],
         camera: IntArray,
         pairs: Observations,
-    ) -> Moving:
+    ) -> CornerMotion:
         """The same for a rig's pairs; nothing is known of corners that are not here.
 
         Args:
@@ -92,7 +93,7 @@ class Moving:
         return found
 
     @classmethod
-    def joined(cls, parts: Sequence[Moving]) -> Moving:
+    def joined(cls, parts: Sequence[CornerMotion]) -> CornerMotion:
         """All of some parts, one after the other."""
         names = ("late", "velocity", "acceleration")
         return cls(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
@@ -100,7 +101,7 @@ class Moving:
     @classmethod
     def between(
         cls, before: FloatArray | None, after: FloatArray | None, seconds: tuple[float, float]
-    ) -> Moving:
+    ) -> CornerMotion:
         """Of one photo's corners, by where they are in the frames before and after it.
 
         Args:
@@ -134,57 +135,51 @@ class Motion:
 
     moment: Mapping[str, float]
     stated: Sequence[Mapping[str, float]]
-    flow: Moving | None = None
+    flow: CornerMotion | None = None
     in_seconds: bool = True
 
     @classmethod
-    def of_names(
-        cls,
-        cameras: Sequence[str],
-        shots: Sequence[str],
-        photos: Sequence[Mapping[str, int]],
-        times: Mapping[str, Mapping[str, float]] | None,
-    ) -> Motion:
+    def of_shots(cls, cameras: Sequence[str], shots: Shots, times: Times | None) -> Motion:
         """By the photos' times, their names' times, or else the shots' numbers.
 
         Args:
             cameras: names of the cameras.
-            shots: names of the shots.
-            photos: for each camera, which shot each of its photos is of.
+            shots: which photos are of one shot.
             times: by camera and photo, when it was taken, seconds, as far as known.
 
         """
-        given = []
-        for camera, listed in zip(cameras, photos, strict=True):
-            known = times_of(listed, None if times is None else times.get(camera, {}))
-            given.append({photo: time for photo, time in known.items() if time is not None})
-        of_shot: dict[int, list[float]] = {}
-        for listed, own in zip(photos, given, strict=True):
-            for photo, time in own.items():
-                of_shot.setdefault(listed[photo], []).append(time)
-        if of_shot:
-            middle = {shot: float(np.median(own)) for shot, own in of_shot.items()}
-            stated = [
-                {photo: time - middle[listed[photo]] for photo, time in own.items()}
-                for listed, own in zip(photos, given, strict=True)
-            ]
-            return cls(moment={shots[n]: time for n, time in middle.items()}, stated=stated)
-        numbers = [re.findall(r"[0-9]+", Path(name).stem) for name in shots]
-        moment = {name: float(own[-1]) for name, own in zip(shots, numbers, strict=True) if own}
-        if len(set(moment.values())) < len(shots):
-            moment = {}
-        return cls(moment=moment, stated=[{} for _ in photos], in_seconds=False)
+        taken = [
+            times_of(listed, None if times is None else times.get(camera, {}))
+            for camera, listed in zip(cameras, shots.photos, strict=True)
+        ]
+        middle = _find_middles(shots, taken)
+        if not middle:
+            moment = _number_shots(shots.names)
+            return cls(moment=moment, stated=[{} for _ in cameras], in_seconds=False)
+        stated = [
+            {photo: time - middle[listed[photo]] for photo, time in own.items()}
+            for listed, own in zip(shots.photos, taken, strict=True)
+        ]
+        moment = {shots.names[number]: time for number, time in middle.items()}
+        return cls(moment=moment, stated=stated)
 
     def with_flow(
-        self, flow: Moving, cameras: Sequence[tuple[Observations, Moving | None]]
+        self,
+        cameras: Sequence[tuple[Observations, CornerMotion | None]],
+        camera: IntArray,
+        pairs: Observations,
     ) -> Motion:
-        """The same of films: how corners of the pairs move, and how late their photos are."""
+        """The same of films: how corners of the pairs move, and how late their photos are.
+
+        The arguments are those of :meth:`CornerMotion.of_cameras`.
+        """
         stated = [
             {}
             if own is None
             else dict(zip(seen.images, _average_by_photo(seen, own.late), strict=True))
             for seen, own in cameras
         ]
+        flow = CornerMotion.of_cameras(cameras, camera, pairs)
         return replace(self, flow=flow, stated=stated, in_seconds=True)
 
     def step(self) -> float:
@@ -204,7 +199,7 @@ class Motion:
         return path
 
 
-def _fit_paths_of_flow(fit: Adjustment[RigLens], flow: Moving) -> FloatArray:
+def _fit_paths_of_flow(fit: Adjustment[RigLens], flow: CornerMotion) -> FloatArray:
     """(S, 2, 6) the same by how corners move in the frames before and after."""
     found = np.zeros((len(fit.poses), 2, 6))
     hessian, pull = np.zeros((len(fit.poses), 6, 6)), np.zeros((len(fit.poses), 6, 2))
@@ -221,6 +216,22 @@ def _fit_paths_of_flow(fit: Adjustment[RigLens], flow: Moving) -> FloatArray:
     found[seen] = steps.transpose(0, 2, 1)
     found[:, :, :3] = found[:, :, :3] @ fit.poses.rotation
     return found
+
+
+def _find_middles(shots: Shots, taken: Sequence[Mapping[str, float]]) -> dict[int, float]:
+    """When each shot (by index) was taken: the median of the times of its photos, where known."""
+    of_shot: dict[int, list[float]] = {}
+    for listed, own in zip(shots.photos, taken, strict=True):
+        for photo, time in own.items():
+            of_shot.setdefault(listed[photo], []).append(time)
+    return {shot: float(np.median(own)) for shot, own in of_shot.items()}
+
+
+def _number_shots(names: Sequence[str]) -> dict[str, float]:
+    """The last number in each shot's name; none where two shots have the same, or no name has."""
+    numbers = [re.findall(r"[0-9]+", Path(name).stem) for name in names]
+    found = {name: float(own[-1]) for name, own in zip(names, numbers, strict=True) if own}
+    return found if len(set(found.values())) == len(names) else {}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -295,20 +306,19 @@ class Timing:
 
 
 def on_time(
-    fit: Adjustment[RigLens], motion: Motion, shots: Sequence[str], photos: Sequence[str]
+    fit: Adjustment[RigLens], motion: Motion, views: JoinedViews
 ) -> tuple[Adjustment[RigLens], Timing | None]:
     """The fit with a time for every photo, where that explains what is wrong with the rig.
 
     Args:
         fit: of a rig whose shots are of one moment.
         motion: when photos were taken, and how the target moves.
-        shots: the shots' names.
-        photos: the views' photos.
+        views: what is fitted.
 
     """
     lens, alone, before = fit.lens, _measure_alone_px(fit), noise_px(fit.residual)
-    views = zip(lens.camera.tolist(), photos, strict=True)
-    stated = np.array([motion.stated[camera].get(photo, 0.0) for camera, photo in views])
+    of_views = zip(lens.camera.tolist(), views.photos, strict=True)
+    stated = np.array([motion.stated[camera].get(photo, 0.0) for camera, photo in of_views])
     informed = motion.flow is not None or bool(stated.any())
     first = _FIRST_S if motion.flow is not None else _FIRST_SHARE * motion.step()
     if not first or before < (_INFORMED if informed else _STRAINED) * alone:
@@ -319,9 +329,10 @@ def on_time(
         stated=stated,
         usual=np.zeros(len(lens.lenses)),
         prior_weight=prior_weight,
-        path=motion.paths(fit, shots, stated),
+        path=motion.paths(fit, views.shots, stated),
     )
-    timing = Timing(motion=motion, shots=shots, noise_px=alone, least=_LEAST_SHARE * first)
+    least = _LEAST_SHARE * first
+    timing = Timing(motion=motion, shots=views.shots, noise_px=alone, least=least)
     found = replace(fit, lens=replace(lens, times=times))
     for _ in range(_ROUNDS):
         found = found.again(fit.pairs, relative_decrease=_ROUGH_DECREASE)

@@ -1,169 +1,45 @@
-"""Photos of several cameras as the views of one body: each camera alone first, then together."""
+"""Photos of several cameras as the views of one body."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cubicfish.diagnosis.diagnose import find_faults
-from cubicfish.errors import FitError
-from cubicfish.fit.calibrate import calibrate
-from cubicfish.fit.cubic_fit import fit_cubic, with_prior
-from cubicfish.fit.evaluate import Evaluation, evaluate
-from cubicfish.fit.lenses import CubicFit
-from cubicfish.fit.model_selection import RefineTarget
-from cubicfish.fit.radial_reference import radial_near
-from cubicfish.io.camera_yaml import Calibrated
-from cubicfish.judge.finding import Finding, FindingText
-from cubicfish.judge.fit_record import FitRecord
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.rigs.rig import half_field_deg
+from cubicfish.calibration import observed
+from cubicfish.find.identification.identified import Detection
+from cubicfish.fit.evaluate import Evaluation
+from cubicfish.rigs.alone import Alone
 from cubicfish.rigs.rig_lens import RigLens
-from cubicfish.rigs.shots import Shots
-from cubicfish.solve.deformable_target import Level
-from cubicfish.solve.fit_lens import FitLens, FixedLens
+from cubicfish.rigs.shots import Matching, Shots, Times, match_shots
+from cubicfish.solve.fit_lens import FitLens
 from cubicfish.solve.poses import Poses, rotation_from_vector
-from cubicfish.solve.subset import select, with_mean_weight_one
+from cubicfish.solve.subset import select
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
-from cubicfish.types import FloatArray, IntArray
-
-_ROUGH_DECREASE = 1e-5
-# P3 is held so much more firmly than in a fit of one camera, whose corners leave it nearly free.
-# Hardly anything depends on by how much: with 1, 30, 100 and 300 times, errors of places in 16
-# simulated rigs (triggered, and running free) differ by 2 %.
-_FIRM = 100.0
+from cubicfish.types import IntArray
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Alone:
-    """One camera calibrated alone, in the common scale of all.
-
-    Attributes:
-        lens: its lens, free or fixed.
-        pairs: of its photos that are placed.
-        poses: camera_from_world of each.
-        camera: its lens, as a camera of points in the common scale.
-        runners_up: the lens with the other priors, and how likely each is the best one.
-        record: of its fit.
-        level: what of the target was fitted.
-        findings: what is likely wrong with it.
-        seen: all its corners, by the names that it gives them.
-
-    """
-
-    lens: FitLens
-    pairs: Observations
-    poses: Poses
-    camera: CubicCamera
-    runners_up: Sequence[tuple[FitLens, float]]
-    record: FitRecord
-    level: Level
-    findings: Sequence[Finding]
-    seen: Observations
-
-    def as_camera(self, lens: FitLens) -> CubicCamera:
-        """The camera with a lens that its own was adjusted to, in the adjustment's frame."""
-        if isinstance(lens, CubicFit):
-            return replace(self.camera, P=lens.P, pupil_travel=lens.travel)
-        return self.camera
-
-    @property
-    def covered(self) -> float:
-        """How far from the axis corners reach, radians."""
-        return float(np.deg2rad(half_field_deg(self.record, self.camera)))
-
-
-def calibrate_alone(
-    name: str,
-    pairs: Observations,
-    known: Calibrated | None,
+def observed_shots(
+    cameras: Mapping[str, Observations | Detection],
     target: Target | None,
-    refine_target: RefineTarget,
-    origin: FloatArray,
-    scale: float,
-    *,
-    keep_lens: bool,
-) -> Alone:
-    """Calibrate a camera, or take it as it was calibrated; then its fit in the common scale.
+    shots: Matching,
+    tolerance: float | None,
+    times: Times | None,
+) -> tuple[dict[str, Observations], Shots]:
+    """What each camera saw, checked, and which of their photos are of one shot.
 
-    Args:
-        name: of the camera.
-        pairs: its pairs, in the target's units.
-        known: the camera, where it is calibrated already and is left as it is.
-        target: the target.
-        refine_target: what of it is fitted.
-        origin: (3,) of the common world, in the target's units.
-        scale: the target's units in one unit of it.
-        keep_lens: leave the lens as it is then.
+    The arguments are those of :func:`calibrate_rig`.
 
     Raises:
-        FitError: it cannot be calibrated, or its photos not be placed; the text names it.
+        CorrespondenceError: corners come without their target, or do not fit it.
+        FitError: no two cameras share a shot.
 
     """
-    found, seen = None, pairs
-    try:
-        if known is not None:
-            placed = evaluate(known.camera, pairs)
-            own, record, pairs, poses = known.camera, known.fit, placed.pairs, placed.poses
-        else:
-            found = calibrate(
-                pairs, target=target, refine_target=refine_target, diagnose=find_faults
-            )
-            own, record, pairs, poses = found.camera, found.fit, found.pairs, found.poses
-    except FitError as error:
-        raise FitError(f"camera {name}: {error}") from error
-    pairs = with_mean_weight_one(pairs.with_world((pairs.world - origin) / scale))
-    poses = poses.of_world(-origin).scaled(1 / scale)
-    own = (own if target is None else own.in_units(target.units)).scaled(1 / scale)
-    runners_up: list[tuple[FitLens, float]] = []
-    lens: FitLens = FixedLens(camera=own)
-    if found is not None and not keep_lens:
-        reference = radial_near(own.radial, pairs, poses)
-        result = fit_cubic(reference, found.prior, relative_decrease=_ROUGH_DECREASE)
-        lens, poses = _fix_denominators(result.lens), result.poses
-        runners_up = [
-            (
-                _fix_denominators(with_prior(result.lens, reference, prior, result.errors)),
-                likely,
-            )
-            for prior, likely in found.runners_up.items()
-        ]
-    return Alone(
-        lens=lens,
-        pairs=pairs,
-        poses=poses,
-        camera=own,
-        runners_up=runners_up,
-        record=record,
-        level="off" if found is None else found.refined,
-        findings=[] if found is None else [_report_camera(name, one) for one in found.findings],
-        seen=seen if found is None else found.named(seen),
-    )
-
-
-def _report_camera(name: str, finding: Finding) -> Finding:
-    """What is found of one camera alone, as a finding of several together."""
-    text = FindingText(
-        f"camera {name}: {finding.what}", finding.evidence, finding.do, finding.remedy
-    )
-    return replace(finding, case="", because="", recorded=text, cameras=(name,))
-
-
-def _fix_denominators(lens: CubicFit) -> CubicFit:
-    """The lens, held to the denominators P3Φ that its own photos gave it.
-
-    Many cubics of different P3 see nearly the same. What is wrong between cameras is many times
-    their corners' noise, and would pay for a pole beside a corner (see :meth:`CubicFit.priors`).
-    """
-    prior = lens.ray_prior
-    if prior is None:
-        return lens
-    firm = _FIRM * prior.denominator_weight
-    near = replace(prior.near, lens=lens)
-    return replace(lens, ray_prior=replace(prior, near=near, denominator_weight=firm))
+    seen = {name: observed(own, target) for name, own in cameras.items()}
+    photos = {name: own.images for name, own in seen.items()}
+    return seen, match_shots(photos, shots, tolerance, times)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -193,7 +69,7 @@ class JoinedViews:
         shots: Shots,
         places: Poses | None = None,
     ) -> JoinedViews:
-        """The views of cameras that are placed alone, in one scale.
+        """The views of cameras that are placed alone, in one world.
 
         Args:
             lenses: of each camera.

@@ -247,14 +247,7 @@ def adjust(
         if not new.cost < now.cost and gain > _ROUNDING and iterations < max_iterations:
             iterations += 1
             least = max(relative_decrease, _IMMATERIAL)
-            astray = _find_astray(now, new)
-            if astray.any():  # these alone are damped firmly, and stop no others
-                pose_damping[astray] = np.maximum(10 * pose_damping[astray], _FIRM)
-                step = now.normal.solve(damping, pose_damping)
-                new = _evaluate(now.moved(*step), pairs, huber_px)
-            elif np.isfinite(new.cost):
-                # A bent valley: the straight step ended on its side, above its floor.
-                new = _evaluate(new.moved(*new.normal.solve(damping)), pairs, huber_px)
+            new = _try_again(now, new, damping, pose_damping)
         if new.cost < now.cost:
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
             now = new
@@ -298,6 +291,26 @@ def _evaluate(state: State[L], pairs: Observations, huber_px: float) -> Adjustme
         pairs=pairs,
         huber_px=huber_px,
     )
+
+
+def _try_again(
+    now: Adjustment[L], new: Adjustment[L], damping: float, pose_damping: FloatArray
+) -> Adjustment[L]:
+    """Try another step where one to ``new`` raised the cost, for the commonest reasons of that.
+
+    ``pose_damping`` (M, 1) grows where poses went astray: these alone are damped firmly, and stop
+    no others.
+    """
+    astray = _find_astray(now, new)
+    if astray.any():
+        pose_damping[astray] = np.maximum(10 * pose_damping[astray], _FIRM)
+        state = now.moved(*now.normal.solve(damping, pose_damping))
+    elif np.isfinite(new.cost):
+        # A bent valley: the straight step ended on its side, above its floor.
+        state = new.moved(*new.normal.solve(damping))
+    else:
+        return new
+    return _evaluate(state, now.pairs, now.huber_px)
 
 
 def _find_astray(now: Adjustment[L], new: Adjustment[L]) -> BoolArray:

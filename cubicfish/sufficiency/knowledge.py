@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cubicfish.angles import angle_from_axis
-from cubicfish.fit.cubic_fit import EXPECTED, PriorChoice, fit_cubic
+from cubicfish.fit.cubic_fit import fit_cubic
+from cubicfish.fit.prior import EXPECTED, Prior
 from cubicfish.fit.radial_reference import LOST_PX, radial_near
 from cubicfish.fit.uncertainty import (
     Gauge,
@@ -179,9 +180,9 @@ class Knowledge:
         return replace(self, noise_px=noise_px), known
 
 
-def _read_prior(fit: FitRecord, *, central: bool) -> PriorChoice:
+def _read_prior(fit: FitRecord, *, central: bool) -> Prior:
     """The prior on P; the default of older files if the record has no number."""
-    return PriorChoice(
+    return Prior(
         spread=fit.prior_spread if fit.prior_spread >= 0 else _OLDER_SPREAD,
         weight=fit.prior_weight if fit.prior_weight > 0 else EXPECTED.weight,
         central=central,

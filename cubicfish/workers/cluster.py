@@ -23,7 +23,8 @@ import numpy as np
 from cubicfish import __version__
 from cubicfish.errors import ClusterError, CubicfishError
 from cubicfish.files.whole_files import working_on
-from cubicfish.photos.photos import one_opencv_thread, shown
+from cubicfish.photos.photos import one_opencv_thread
+from cubicfish.wording import shown
 from cubicfish.workers.pool import Answer, Item
 
 CANCELLED = (concurrent.futures.CancelledError, asyncio.CancelledError)

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run, UsageError
-from cubicfish.files import StrPath, refuse_existing
-from cubicfish.run import RUN
+from cubicfish.files import StrPath
 from cubicfish_cli.inputs.paths import in_folder, path_or_none
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import enforce_max_rms, print_figure, print_spread, px
 from cubicfish_cli.terminal.parameters import as_command, option, record
@@ -63,7 +63,7 @@ class ComparedFiles:
         return {**self.comparison.as_record(), **drawn}
 
 
-def compare_files(options: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
+def compare_files(options: CompareOptions, *, run: Run = Run()) -> ComparedFiles:
     """Measure how far apart two cameras see the same rays, as ``cubicfish compare`` does.
 
     Raises:
@@ -78,13 +78,13 @@ def compare_files(options: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
     from cubicfish_cli.undistortion.images import check_suffix, write_picture
 
     path = path_or_none(options.picture)
+    paths = [in_folder(Path(given)) for given in (options.first, options.second)]
     if path is not None:
-        refuse_existing(path, overwrite=run.overwrite)
+        Plan(run).reads(paths).writes(path)
         check_suffix(path)
     elif run.overwrite:
         raise UsageError("--overwrite goes with --picture, which writes a file: leave it out")
-    both = (read_camera(in_folder(Path(given))) for given in (options.first, options.second))
-    comparison = compare(*both)
+    comparison = compare(*map(read_camera, paths))
     if path is not None:
         write_picture(path, _draw_picture(comparison), overwrite=run.overwrite)
     return ComparedFiles(comparison=comparison, picture=path)

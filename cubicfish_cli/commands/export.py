@@ -9,10 +9,10 @@ from typing import Any
 import click
 
 from cubicfish import Run, UsageError
-from cubicfish.files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN
+from cubicfish.files import StrPath, write_files
 from cubicfish_cli.extension_guard import written_formats
 from cubicfish_cli.inputs.paths import in_folder
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.terminal.progress import How
@@ -107,7 +107,7 @@ class ExportedFiles:
         return self.record
 
 
-def export_files(options: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
+def export_files(options: ExportOptions, *, run: Run = Run()) -> ExportedFiles:
     """Write a camera for another tool, as ``cubicfish export`` does.
 
     Raises:
@@ -116,10 +116,8 @@ def export_files(options: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish import build_map, load_camera
+    from cubicfish import build_map, build_view, load_camera, save_map
     from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, printed
-    from cubicfish_cli.undistortion.choose import build_view
-    from cubicfish_cli.undistortion.map_formats import save_map
 
     to, path = options.to, in_folder(Path(options.camera))
     for name, given in (("--max-error", options.max_error), ("--max-angle", options.max_angle_deg)):
@@ -128,7 +126,7 @@ def export_files(options: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
     max_error = MAX_ERROR if options.max_error is None else options.max_error
     usual = "undistort_map.npz" if to == "maps" else written_formats()[to].file_name
     goal = Path(options.output or usual)
-    refuse_existing(goal, overwrite=run.overwrite)
+    Plan(run).reads(path).writes(goal)
     loaded = load_camera(path)
     if to == "maps":
         if goal.suffix.lower() != ".npz":

@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish import CubicfishError, FitError
-from cubicfish.fit.to_lens import Conversion, to_lens
+from cubicfish import CubicfishError, FitError, did_you_mean, quoted
+from cubicfish.fit import Conversion, to_lens
 from cubicfish.io.camera_yaml import Calibrated
-from cubicfish.wording import did_you_mean, quoted
 from cubicfish_cli import __version__
 from cubicfish_cli.extension_guard import Place, written_formats
 from cubicfish_cli.foreign.file_contents import PlacedLens

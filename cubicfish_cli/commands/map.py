@@ -4,26 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run
-from cubicfish.files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN
+from cubicfish.files import StrPath, write_files
+from cubicfish.views import ViewOptions
 from cubicfish_cli.commands.view_options import report_unseen, view_options
 from cubicfish_cli.inputs.paths import in_folder
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_message, print_wrote, result
-from cubicfish_cli.undistortion.options import ViewOptions
 
 if TYPE_CHECKING:
     from cubicfish import View
     from cubicfish.files import Content
-    from cubicfish_cli.undistortion.choose import ChosenView
-    from cubicfish_cli.undistortion.map_formats import MapInBands
+    from cubicfish.views import ChosenView, MapInBands
 
 _HELP = """Write where in the photo each pixel of a view comes from, and the camera of the view.
 
@@ -106,7 +104,7 @@ class MapFiles:
         }
 
 
-def map_files(options: MapOptions, *, run: Run = RUN) -> MapFiles:
+def map_files(options: MapOptions, *, run: Run = Run()) -> MapFiles:
     """Write the map of a camera, and the view's own camera, as ``cubicfish map`` does.
 
     Raises:
@@ -115,48 +113,40 @@ def map_files(options: MapOptions, *, run: Run = RUN) -> MapFiles:
             not be replaced.
 
     """
-    from cubicfish import build_map
     from cubicfish.io.camera_keys import read_camera
-    from cubicfish.views import camera_for_photos
-    from cubicfish_cli.undistortion.choose import chosen_view
-    from cubicfish_cli.undistortion.map_formats import (
-        MapInBands,
-        build_redistort_map,
-        map_paths,
-    )
+    from cubicfish.views import MapInBands, choose_view
+    from cubicfish_cli.undistortion.map_formats import camera_path, map_paths
 
     goal, view = Path(options.output), options.view
-    plan = map_paths(goal, view.parts if isinstance(view, ViewOptions) else ("",))
-    refuse_existing(*files_of(plan), overwrite=run.overwrite)
     path = in_folder(Path(options.camera))
+    paths = map_paths(goal, view.parts if isinstance(view, ViewOptions) else ("",))
+    Plan(run).reads(path).writes(*files_of(paths), *(camera_path(goal, part) for part in paths))
     loaded = read_camera(path)
-    there = camera_for_photos(loaded, options.photo_size or loaded.image_size)
-    chosen = chosen_view(there, view)
-    if options.redistort:
-        way, size = partial(build_redistort_map, there), there.image_size
-    else:
-        assert chosen.camera is not None
-        way, size = partial(build_map, chosen.camera), chosen.first.size
+    there = loaded.for_photos(options.photo_size or loaded.image_size)
+    chosen = choose_view(there, view)
+    assert chosen.camera is not None
     maps = {
-        name: MapInBands(view=one, size=size, make=partial(way, one))
+        name: MapInBands.back(there, one)
+        if options.redistort
+        else MapInBands.of_camera(chosen.camera, one)
         for name, one in chosen.views.items()
     }
     return MapFiles(
         model=path,
-        own=files_of(plan),
-        written=write_maps(plan, maps, goal, run),
+        own=files_of(paths),
+        written=write_maps(paths, maps, goal, run),
         image_size=there.image_size,
         view=chosen,
     )
 
 
-def files_of(plan: Mapping[str, Sequence[Path]]) -> list[Path]:
+def files_of(paths: Mapping[str, Sequence[Path]]) -> list[Path]:
     """Return the files of all parts of a map."""
-    return [path for paths in plan.values() for path in paths]
+    return [path for own in paths.values() for path in own]
 
 
 def write_maps(
-    plan: Mapping[str, Sequence[Path]],
+    paths: Mapping[str, Sequence[Path]],
     maps: Mapping[str, MapInBands],
     goal: Path,
     run: Run,
@@ -165,7 +155,7 @@ def write_maps(
     """Write the files of all parts of a map, and the cameras of their views.
 
     Args:
-        plan: part -> its files.
+        paths: part -> its files.
         maps: part -> its map.
         goal: the file whose name the cameras' files take over.
         run: how the work is done.
@@ -175,8 +165,8 @@ def write_maps(
     from cubicfish_cli.undistortion.map_formats import map_contents, view_files
 
     files: dict[Path, Content] = {}
-    for part, paths in plan.items():
-        files |= map_contents(paths, maps[part])
+    for part, own in paths.items():
+        files |= map_contents(own, maps[part])
     files |= {**(more or {})} | view_files(maps, beside=goal)
     return write_files(files, overwrite=run.overwrite, folder=goal.parent)
 

@@ -8,17 +8,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish import CubicfishError, OutputError, Run, UsageError, ViewError
-from cubicfish.files import Content, refuse_existing, write_files
-from cubicfish.files.whole_files import refuse_outside
-from cubicfish.listener import SILENT
-from cubicfish.photos import shown
+from cubicfish import CubicfishError, Listener, Run, UsageError, ViewError, shown
+from cubicfish.files import Content, write_files
 from cubicfish.photos.photos import SUFFIXES, VIDEO_SUFFIXES
-from cubicfish.wording import plural
+from cubicfish.views import ChosenView
 from cubicfish_cli.inputs.paths import path_or_none
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.undistortion.batch import Job, Views, write_many
-from cubicfish_cli.undistortion.choose import ChosenView
 from cubicfish_cli.undistortion.images import check_suffix, part_name
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish_cli.commands.undistort import PictureOptions
@@ -75,17 +73,17 @@ def _record_failure(name: str, error: CubicfishError) -> dict[str, Any]:
     from cubicfish import Finding
     from cubicfish.judge import Severity
     from cubicfish.judge.codes import Code
-    from cubicfish_cli.words.catalogue import write_error
+    from cubicfish_cli.words.sentences import record_of, render_error
 
-    problem = write_error(error)
+    problem = render_error(error)
     failed = Finding(
         code=Code.FAILED, severity=Severity.BAD, images=(name,), figures={"problem": problem}
     )
-    return {**failed.as_record(), "image": name, "problem": problem}
+    return {**record_of(failed), "image": name, "problem": problem}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class PicturePlan:
     """Which pictures or videos are made of which sources, and how.
 
     Attributes:
@@ -110,9 +108,10 @@ def plan_pictures(
     output: Path,
     options: PictureOptions,
     run: Run,
+    register: Plan,
     *,
     alone: bool,
-) -> Plan:
+) -> PicturePlan:
     """Plan the results of sources, and refuse before any work what cannot be done.
 
     Args:
@@ -121,6 +120,7 @@ def plan_pictures(
         output: a folder; for one source that is named ``alone`` also a name for its result.
         options: how they are rendered.
         run: how the work is done.
+        register: what is read beside the sources; what is written is added.
         alone: whether there is one source, named by itself.
 
     Raises:
@@ -140,31 +140,20 @@ def plan_pictures(
     for name, (result, photos) in sources.items():
         path = output / result if to_folder else output
         outputs = {part: part_name(path, part) for part in options.parts}
-        for one in outputs.values():
-            if one.exists() and any(one.samefile(photo) for photo in photos.values()):
-                raise OutputError(
-                    f"{shown(one)} is the photo itself: choose another name or folder for OUT"
-                )
         jobs.append(Job(name=name, photos=photos, outputs=outputs))
-    if to_folder:
-        refuse_outside(output, (path for job in jobs for path in job.outputs.values()))
+    register.reads(*(job.photos for job in jobs)).writes(*options.files_beside())
+    results = [path for job in jobs for path in job.outputs.values()]
+    lacking = {*register.writes(*results, within=output if to_folder else None)}
     options.refuse_unused(kind, {path.suffix for job in jobs for path in job.outputs.values()})
     left: list[Job] = []
     skipped: list[Job] = []
     for job in jobs:
         # A run that was killed may have left some of a cube's pictures.
-        lacking = {
-            part: path
-            for part, path in job.outputs.items()
-            if not (options.skip_existing and path.is_file())
-        }
-        for path in lacking.values() if kind != "video" else ():
+        own = {part: path for part, path in job.outputs.items() if path in lacking}
+        for path in own.values() if kind != "video" else ():
             check_suffix(path)
-        refuse_existing(
-            *lacking.values(), overwrite=run.overwrite, can_skip=not options.skip_existing
-        )
-        (left if lacking else skipped).append(replace(job, outputs=lacking or job.outputs))
-    return Plan(kind=kind, jobs=left, skipped=skipped, options=options, run=run)
+        (left if own else skipped).append(replace(job, outputs=own or job.outputs))
+    return PicturePlan(kind=kind, jobs=left, skipped=skipped, options=options, run=run)
 
 
 def _is_folder(output: Path, several: str) -> bool:
@@ -188,7 +177,7 @@ def _is_folder(output: Path, several: str) -> bool:
     return True
 
 
-def write_pictures(plan: Plan, views: Views, *, model: Path | None) -> UndistortedFiles:
+def write_pictures(plan: PicturePlan, views: Views, *, model: Path | None) -> UndistortedFiles:
     """Render what was planned, and write masks and cameras beside it.
 
     Args:
@@ -218,10 +207,9 @@ def write_pictures(plan: Plan, views: Views, *, model: Path | None) -> Undistort
         files = view_files(maps, mask=mask, beside=virtual_camera)
         if options.skip_existing:
             files = {path: content for path, content in files.items() if not path.is_file()}
-        refuse_existing(*files, overwrite=run.overwrite, can_skip=not options.skip_existing)
     extras = write_files(files, overwrite=run.overwrite)
     if plan.kind == "video":  # one after the other, and each reports its own progress
-        run = replace(run, jobs=1, listener=SILENT)
+        run = replace(run, jobs=1, listener=Listener())
     failures = write_many(plan.jobs, views.writer(options.quality), run)
     done = [job for job in plan.jobs if job.name not in failures]
     return UndistortedFiles(

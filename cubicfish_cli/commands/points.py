@@ -13,10 +13,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish import CorrespondenceError, Run, UsageError
+from cubicfish import CorrespondenceError, Run, UsageError, quoted
 from cubicfish.files import StrPath, read_bytes
-from cubicfish.run import RUN
-from cubicfish.wording import quoted
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, record
@@ -157,7 +155,7 @@ class ProjectOptions:
     camera: StrPath = parameters.model_options
 
 
-def project_points(options: ProjectOptions, *, run: Run = RUN) -> Points:
+def project_points(options: ProjectOptions, *, run: Run = Run()) -> Points:
     """Project points to pixels, (N, 2), as ``cubicfish project`` does.
 
     Raises:
@@ -221,7 +219,7 @@ class UnprojectOptions:
     camera: StrPath = parameters.model_options
 
 
-def unproject_points(options: UnprojectOptions, *, run: Run = RUN) -> Points:
+def unproject_points(options: UnprojectOptions, *, run: Run = Run()) -> Points:
     """Turn pixels into unit viewing rays, (N, 3), as ``cubicfish unproject`` does.
 
     Raises:

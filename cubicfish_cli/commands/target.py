@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish import OutputError, Run, UsageError
-from cubicfish.files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN
-from cubicfish.wording import plural
+from cubicfish.files import StrPath, write_files
 from cubicfish_cli.core_table import COMMANDS, commands_of
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.inputs.target_source import target_in
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.main import LazyGroup
@@ -28,10 +27,11 @@ from cubicfish_cli.terminal.parameters import (
 )
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_table, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Target
-    from cubicfish.diagnosis.object_check import ObjectFacts, Turn
+    from cubicfish.diagnosis import ObjectFacts, Turn
     from cubicfish.target import Board
 
 _LABEL = 12
@@ -99,7 +99,7 @@ def check_target(target: Target) -> TargetCheck:
         target: the target, as it is printed.
 
     """
-    from cubicfish.diagnosis.object_check import check_object
+    from cubicfish.diagnosis import check_object
 
     facts = check_object(target)
     return TargetCheck(target=target, facts=facts, advice=_advise(target, facts))
@@ -196,7 +196,7 @@ def _describe_turn(turn: Turn, *, alone: bool) -> str:
     return _write_check("turned", angle_deg=turn.angle_deg, axis=axis, moved=moved)
 
 
-def check_target_files(options: CheckOptions, *, run: Run = RUN) -> TargetCheck:
+def check_target_files(options: CheckOptions, *, run: Run = Run()) -> TargetCheck:
     """Judge the target in a file, and draw it, as ``cubicfish target check`` does.
 
     Raises:
@@ -212,7 +212,7 @@ def check_target_files(options: CheckOptions, *, run: Run = RUN) -> TargetCheck:
         if path.suffix.lower() != ".svg":
             raise OutputError(f"{path}: drawings are SVG: end the name in .svg")
         extra.require(extra.PRINTING, "a drawing")
-        refuse_existing(path, overwrite=run.overwrite)
+        Plan(run).reads(options.target).writes(path)
     loaded = target_in(options.target).as_printed()
     run.listener.progress("Looking at the target from all sides")
     checked = check_target(loaded)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run, UsageError, ViewError
 from cubicfish.files import StrPath
-from cubicfish.run import RUN, made_by_record
 from cubicfish_cli.inputs.paths import in_folder
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, Parsed, as_command, option, record
 from cubicfish_cli.terminal.progress import How
@@ -106,7 +106,7 @@ def transform_camera(camera: CameraFile, *, crop: Crop | None, scale: float) -> 
     import numpy as np
 
     from cubicfish import CameraFile
-    from cubicfish.judge.fit_record import fit_record
+    from cubicfish.judge import FitRecord
 
     old = camera.camera
     left = crop or Crop(0, 0, *old.image_size)
@@ -137,7 +137,7 @@ def transform_camera(camera: CameraFile, *, crop: Crop | None, scale: float) -> 
         radial=replace(radial, image_size=size, fx=fx, fy=fy, cx=cx, cy=cy),
     )
     pixels = math.sqrt(float(factor.prod()))
-    fit = fit_record(_scale_record(camera.fit.as_record(), pixels))
+    fit = FitRecord.of(_scale_record(camera.fit.as_record(), pixels))
     grid = fit.uncertainty
     if grid.has_grid:
         across, down = (
@@ -177,7 +177,7 @@ def _scale_record(value: Any, factor: float, key: str = "") -> Any:
     return value * factor if counts else value
 
 
-def transform_files(options: TransformOptions, *, run: Run = RUN) -> TransformedFile:
+def transform_files(options: TransformOptions, *, run: Run = Run()) -> TransformedFile:
     """Write a camera for another mode of its sensor, as ``cubicfish transform`` does.
 
     Raises:
@@ -186,15 +186,14 @@ def transform_files(options: TransformOptions, *, run: Run = RUN) -> Transformed
 
     """
     from cubicfish import load_camera
-    from cubicfish.files import refuse_existing
-    from cubicfish.files.fingerprint import fingerprint
+    from cubicfish.files import Fingerprint
 
     path, goal = in_folder(Path(options.camera)), Path(options.output)
-    refuse_existing(goal, overwrite=run.overwrite)
-    source, loaded = fingerprint(path), load_camera(path)
+    Plan(run).reads(path).writes(goal)
+    source, loaded = Fingerprint.of(path), load_camera(path)
     made = transform_camera(loaded, crop=options.crop, scale=options.scale)
     given = {"crop": None if options.crop is None else str(options.crop), "scale": options.scale}
-    origin = made_by_record(run.command, given, None, [source])
+    origin = run.made_by(given, files=[source])
     made = replace(made, made_by={**loaded.made_by, **origin})
     made.save(goal, overwrite=run.overwrite)
     return TransformedFile(file=goal, camera=made)

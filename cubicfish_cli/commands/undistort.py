@@ -6,30 +6,26 @@ import os
 import sys
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import click
 
 from cubicfish import OutputError, PhotoError, Run, UsageError
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
-from cubicfish.wording import plural
+from cubicfish.views import Interpolation, ViewOptions
 from cubicfish_cli.commands.view_options import (
     report_unseen,
     view_options,
     view_or_plane_options,
 )
-from cubicfish_cli.inputs.paths import in_folder, named_photos, paths_of
+from cubicfish_cli.inputs.paths import in_folder, named_photos, path_or_none, paths_of
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_always, print_message, print_wrote, result
-from cubicfish_cli.undistortion.options import (
-    INTERPOLATIONS,
-    Interpolation,
-    PlaneOptions,
-    ViewOptions,
-)
+from cubicfish_cli.undistortion.options import PlaneOptions
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import CubicCamera, View
@@ -60,7 +56,7 @@ class PictureOptions:
     interpolation: Interpolation = option(
         "--interpolation",
         "How values between pixels are worked out.",
-        click.Choice(INTERPOLATIONS),
+        click.Choice(get_args(Interpolation)),
         "linear",
     )
     quality: int | None = option(
@@ -84,6 +80,16 @@ class PictureOptions:
     def parts(self) -> tuple[str, ...]:
         """Names of the pictures that a photo becomes; one without a name unless it is a cube."""
         return self.view.parts if isinstance(self.view, ViewOptions) else ("",)
+
+    def files_beside(self) -> list[Path]:
+        """The masks and the virtual cameras that are asked for."""
+        from cubicfish_cli.undistortion.images import part_name
+        from cubicfish_cli.undistortion.map_formats import camera_path
+
+        mask, camera = path_or_none(self.mask), path_or_none(self.virtual_camera)
+        masks = [part_name(mask, part) for part in self.parts] if mask is not None else []
+        cameras = [camera_path(camera, part) for part in self.parts] if camera is not None else []
+        return masks + cameras
 
     def refuse_unused(self, kind: str, suffixes: Collection[str]) -> None:
         """Refuse options that have no effect on such sources and results.
@@ -145,7 +151,7 @@ class UndistortOptions(PictureOptions):
     )
 
 
-def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> UndistortedFiles:
+def undistort_files(options: UndistortOptions, *, run: Run = Run()) -> UndistortedFiles:
     """Undistort photos or videos in files, as ``cubicfish undistort`` does.
 
     Results in a folder keep the names of their photos, and all keep depth, channels and a JPEG's
@@ -175,11 +181,13 @@ def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> Undistorted
     if kind == "video" and (run.executor is not None or run.jobs is not None):
         name = "--jobs" if run.executor is None else "--scheduler"
         raise UsageError(f"{name} is for photos: do videos without it")
-    plan = plan_pictures(kind, photos, Path(options.output), options, run, alone=alone)
     path: Path | None = None
     known: Any = options.camera
     if isinstance(known, str | os.PathLike):
         known = path = in_folder(Path(known))
+    plane = options.view if isinstance(options.view, PlaneOptions) else None
+    register = Plan(run, skip_existing=options.skip_existing).reads(path, plane and plane.target)
+    plan = plan_pictures(kind, photos, Path(options.output), options, run, register, alone=alone)
     if isinstance(options.view, PlaneOptions):
         from cubicfish_cli.commands.planes import PlaneViews
 
@@ -259,11 +267,11 @@ def print_pictures(made: UndistortedFiles, how: How) -> None:
     number, failures = len(made.written) + len(made.failures), list(made.failures.items())
     if not how.print(made):
         if failures and number > 1:
-            from cubicfish_cli.words.catalogue import write_error
+            from cubicfish_cli.words.sentences import render_error
 
             for name, error in failures[:_FEW]:
                 shot = f"shot {name}: " if made.kind == "shot" else ""
-                print_always(f"failed: {shot}{write_error(error)}")
+                print_always(f"failed: {shot}{render_error(error)}")
         if len(failures) > _FEW:
             print_always(f"and {len(failures) - _FEW:,} more, which --json lists")
         if made.skipped:

@@ -15,7 +15,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from cubicfish import FloatArray, IntArray
+from cubicfish import BoolArray, FloatArray, IntArray
 from cubicfish.geometry import outermost
 
 # The parts of the picture: columns and rows, fine for places and coarse for what is seen there.
@@ -94,6 +94,8 @@ class Seen:
         ]
         return np.concatenate([np.zeros(0, np.int64), *named]).astype(np.int64)
 
+
+_NOTHING = Seen(patches=(), sharpness=0.0)
 
 Ended = Literal["all", "asked", "enough"]
 """Why no more pictures are chosen: no more are usable, no more were wanted, or one more would add
@@ -212,27 +214,18 @@ def choose_shots(
             for :class:`Coverage`.
 
     """
-    nothing = Seen(patches=(), sharpness=0.0)
-    pictures = [[nothing if one is None else one for one in shot] for shot in shots]
-    scales = []
-    for own, still in zip(zip(*pictures, strict=True), still_px, strict=True):
-        scales.append(Scale.of([one for one in own if one.corners] or [nothing], still))
-    spoilt: list[int] = []
-    usable: list[int] = []
-    quality = np.zeros((len(shots), len(sizes)))
-    for index, shot in enumerate(pictures):
-        seen = [camera for camera, one in enumerate(shot) if one.corners]
-        good = [camera for camera in seen if not scales[camera].is_spoilt(shot[camera])]
-        if seen:
-            (usable if good else spoilt).append(index)
-        for camera in good or seen:
-            quality[index, camera] = scales[camera].quality(shot[camera])
-    if not usable and not spoilt:
+    pictures = [[_NOTHING if one is None else one for one in shot] for shot in shots]
+    cameras = list(zip(*pictures, strict=True))
+    rated = [_rate_pictures(own, still) for own, still in zip(cameras, still_px, strict=True)]
+    good, quality = (np.column_stack(part) for part in zip(*rated, strict=True))
+    seen = np.array([[one.corners > 0 for one in shot] for shot in pictures])
+    if not seen.any():
         return Choice(order=(), gain=())
+    usable = np.asarray(good.any(axis=1))
+    spoilt = seen.any(axis=1) & ~usable
+    quality = np.where(usable[:, None] & ~good, 0.0, quality)
 
-    views = [
-        _Views(own, size) for own, size in zip(zip(*pictures, strict=True), sizes, strict=True)
-    ]
+    views = [_Views(own, size) for own, size in zip(cameras, sizes, strict=True)]
 
     def apart(one: int) -> FloatArray:
         return np.max([own.measure_distances(one) for own in views], axis=0)
@@ -240,7 +233,21 @@ def choose_shots(
     gains = gains_of(quality) or Coverage(pictures, sizes, quality)
     # What moved no farther than a picture that counts as still is that picture again.
     copy = min(still / float(np.hypot(*size)) for still, size in zip(still_px, sizes, strict=True))
-    return _choose_greedily(usable, spoilt, gains, apart, copy, most)
+    pools = np.flatnonzero(usable).tolist(), np.flatnonzero(spoilt).tolist()
+    return _choose_greedily(*pools, gains, apart, copy, most)
+
+
+def _rate_pictures(pictures: Sequence[Seen], still_px: float) -> tuple[BoolArray, FloatArray]:
+    """Which of a camera's pictures are good (S,), and how much their corners weigh (S,).
+
+    Those without corners are not good, and weigh nothing.
+    """
+    shown = [one for one in pictures if one.corners]
+    scale = Scale.of(shown or [_NOTHING], still_px)
+    good = [one.corners > 0 and not scale.is_spoilt(one) for one in pictures]
+    return np.array(good), np.array(
+        [scale.quality(one) if one.corners else 0.0 for one in pictures]
+    )
 
 
 def _rate_together(

@@ -11,12 +11,11 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from cubicfish import (
+    Detection,
     DetectionError,
     Event,
     Finding,
@@ -26,25 +25,15 @@ from cubicfish import (
     Run,
     Target,
 )
-from cubicfish.diagnosis.corner_count import squares_of_grids
-from cubicfish.diagnosis.evidence import GridEvidence
-from cubicfish.find.detection.grids import FoundGrids
-from cubicfish.find.identification.quick_detect import (
-    QuickDetection,
-    name_quick_detections,
-    quick_detect,
-    quick_detect_near,
-)
 from cubicfish.judge import Severity
 from cubicfish.judge.codes import Code
-from cubicfish.observe.detection import first_pass
-from cubicfish.observe.photo_detection import GridCache, detect_in_photo
+from cubicfish.observe import Glances, find_corners
 from cubicfish.photos import Photo
-from cubicfish.sufficiency.information_gain import InformationGain
-from cubicfish.workers import Work
+from cubicfish.sufficiency import InformationGain
 from cubicfish_cli.films.choose import FEWEST, Choice, Patch, Seen, choose
 from cubicfish_cli.films.measure import sharpness
 from cubicfish_cli.films.scan import still_px
+from cubicfish_cli.words.sentences import render_event
 
 # Where fewer of the pictures show the target, they do not tell which pictures are good.
 _FEW, _FEW_SHARE = 3, 0.5
@@ -72,6 +61,20 @@ class Found:
     target: Target | None = None
     findings: tuple[Finding, ...] = ()
 
+    @classmethod
+    def of(cls, detection: Detection) -> Found:
+        """Return what was detected; grids as they are where no target is known."""
+        corners = detection.corners
+        if corners.target is None:
+            return cls(patches=_make_patches_of_grids(detection))
+        pairs = corners.only_seen()[0] if len(corners.pixel) else None
+        return cls(
+            patches=_make_patches_of_corners(corners),
+            pairs=pairs,
+            target=corners.target,
+            findings=detection.findings,
+        )
+
     def with_more(self, more: Found) -> Found:
         """Return these and what other pictures show."""
         one, other = self.pairs, more.pairs
@@ -87,58 +90,7 @@ class Found:
     def miscounted(self) -> Finding | None:
         """The finding that boards have other counts of corners than the target says; or None."""
         serious = (one for one in self.findings if one.severity is not Severity.NOTE)
-        return next((one for one in serious if one.code is Code.CORNER_COUNT), None)
-
-
-def found_in(
-    photos: Sequence[Photo], targets: Sequence[Target] | None, work: Work, cache: Path | None
-) -> Found:
-    """Find corners of a target in photos, or grids as they are if none is known.
-
-    Args:
-        photos: all of one size.
-        targets: what the target may be; None looks for any checkerboard.
-        work: searches them, on one or several processes.
-        cache: a folder that keeps what is found in files.
-
-    Raises:
-        DetectionError: no photo shows the target.
-
-    """
-    if targets:
-        detection = first_pass(photos, targets, work, cache)
-        return replace(_make_found_of_corners(detection.corners), findings=detection.findings)
-    kept = None if cache is None else GridCache(folder=cache)
-    found = work.done(partial(detect_in_photo, target=None, cache=kept), photos)
-    return _make_found_of_grids([photo.name for photo in photos], [one.grids for one in found])
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Glance:
-    """A picture that is searched quickly.
-
-    Attributes:
-        photo: where it is.
-        near: what the pictures of a film before and after it show; None for a photo.
-
-    """
-
-    photo: Photo
-    near: tuple[QuickDetection, ...] | None
-
-    @property
-    def name(self) -> str:
-        """The picture's."""
-        return self.photo.name
-
-
-def _quick_detect(one: _Glance, *, target: Target | None) -> QuickDetection | None:
-    grey = one.photo.grey_if_readable()
-    if grey is None:
-        return None
-    if one.near is None:
-        return quick_detect(grey, target)
-    return quick_detect_near(grey, target, one.near)
+        return next((one for one in serious if one.code == Code.CORNER_COUNT), None)
 
 
 def _spread(numbers: Sequence[int], most: int) -> list[int]:
@@ -147,23 +99,16 @@ def _spread(numbers: Sequence[int], most: int) -> list[int]:
     return list(numbers[rounds // 2 :: rounds])
 
 
-def _shows(seen: QuickDetection | None) -> bool:
-    """Return whether a quick search saw any board."""
-    if seen is None:
-        return False
-    return bool(seen.grids) if isinstance(seen, FoundGrids) else len(seen) > 0
-
-
-def _make_found_of_grids(names: Sequence[str], found: Sequence[FoundGrids | None]) -> Found:
-    patches = {
-        name: tuple(Patch(board=-1, cells=grid.cells, pixel=grid.pixel) for grid in one.grids)
-        for name, one in zip(names, found, strict=True)
-        if one is not None and one.grids
+def _make_patches_of_grids(detection: Detection) -> dict[str, tuple[Patch, ...]]:
+    shown = {one.name: one.found.grids for one in detection.photos if one.found is not None}
+    return {
+        name: tuple(Patch(board=-1, cells=grid.cells, pixel=grid.pixel) for grid in grids)
+        for name, grids in shown.items()
+        if grids
     }
-    return Found(patches=patches)
 
 
-def _make_found_of_corners(corners: Observations) -> Found:
+def _make_patches_of_corners(corners: Observations) -> dict[str, tuple[Patch, ...]]:
     cells = np.column_stack([corners.column, corners.row])
     patches = {}
     for number in np.unique(corners.image).tolist():
@@ -178,8 +123,7 @@ def _make_found_of_corners(corners: Observations) -> Found:
             for board in np.unique(corners.board[here])
             for own in (here & (corners.board == board),)
         )
-    pairs = corners.only_seen()[0] if len(corners.pixel) else None
-    return Found(patches=patches, pairs=pairs, target=corners.target)
+    return patches
 
 
 @dataclass(kw_only=True, eq=False)
@@ -187,35 +131,29 @@ class Search:
     """A search through pictures, and what is chosen of them.
 
     Attributes:
-        photos, seen: the pictures, and what is known of each.
-        size: (width, height) of them.
+        glances: the pictures, and what they show at a glance.
+        seen: what is known of each picture.
         most: how many may be chosen.
         targets: what the target may be; None where none is known.
         run: how the work is done.
         what: what the pictures are, in the plural, for messages.
         at_once: how many are searched quickly before checking whether more would add anything.
         quick_jobs: number of processes for quick detection.
-        is_film: whether each picture is like those before and after it, as in a film.
-        glances: what was seen quickly in pictures, by their numbers.
         searched: numbers of the pictures that were searched.
         choice: what is chosen of these.
 
     """
 
-    photos: Sequence[Photo]
+    glances: Glances
     seen: list[Seen]
-    size: tuple[int, int]
     most: int
     targets: Sequence[Target] | None
     run: Run
     what: str
     at_once: int
     quick_jobs: int | None
-    is_film: bool = False
-    glances: dict[int, QuickDetection | None] = field(default_factory=dict)
     searched: set[int] = field(default_factory=set)
     choice: Choice = field(init=False)
-    _again: set[int] = field(init=False, default_factory=set)
 
     def search(self, good: Sequence[int], others: Sequence[int]) -> None:
         """Search good pictures quickly; only where these show little, others, and all fully.
@@ -235,21 +173,31 @@ class Search:
             if self._is_well_seen(found):
                 return
         every = [*good, *others]
-        unseen = [at for at in every if self.photos[at].name not in found.patches]
-        # Boards that were seen and cannot be named may be others than the target says.
-        unnamed = sum(_shows(self.glances.get(at)) for at in unseen)
-        is_seen = found.miscounted is None and len(found.patches) >= _FEW
-        is_seen = is_seen and unnamed <= _HARDLY_ANY * len(every)
-        if is_seen and self._are_empty(unseen, _PROBES):
+        if self._is_all_seen(found, every):
             return
-        if self.is_film and not any(map(_shows, self.glances.values())):
+        if self.glances.is_film and not self.glances.any_seen:
             self.detect(_spread(every, self.at_once))  # and no other if these show nothing
-        # All at once: it takes many photos to see what is wrong with the target.
-        for numbers in (good, every) if others else (good,):
+        self._search_fully(good, others)
+
+    def _is_all_seen(self, found: Found, every: Sequence[int]) -> bool:
+        """Return whether nothing is to be seen in those pictures that seem to be empty."""
+        unseen = [at for at in every if self.glances.photos[at].name not in found.patches]
+        if found.miscounted is not None or len(found.patches) < _FEW:
+            return False
+        # Boards that were seen and cannot be named may be others than the target says.
+        unnamed = sum(map(self.glances.shows, unseen))
+        return unnamed <= _HARDLY_ANY * len(every) and self._are_empty(unseen, _PROBES)
+
+    def _search_fully(self, good: Sequence[int], others: Sequence[int]) -> None:
+        """Detect boards in good pictures, and in all where these show little.
+
+        All at once: it takes many photos to see what is wrong with the target.
+        """
+        for numbers in (good, [*good, *others]) if others else (good,):
             try:
                 found = self.detect(numbers)
             except DetectionError:
-                if len(numbers) == len(every) or self._are_empty(others, _PROBES):
+                if len(numbers) == len(good) + len(others) or self._are_empty(others, _PROBES):
                     raise
                 continue
             self.searched.update(numbers)
@@ -257,7 +205,7 @@ class Search:
             if self._is_well_seen(found):
                 return
         if found.miscounted is not None:
-            raise DetectionError(found.miscounted.why, do=found.miscounted.do)
+            raise DetectionError(findings=[found.miscounted])
 
     def _are_empty(self, numbers: Sequence[int], most: int) -> bool:
         """Return whether hardly any of a few among these pictures, from all over, shows the target.
@@ -276,61 +224,15 @@ class Search:
 
         In others too that were searched before, of a film, if a board is found next to them.
         """
-        marked = [one for one in self.targets or () if one.has_markers]
-        target = next(iter([*marked, *(self.targets or ())]), None)
-        looking, numbers = list(numbers), list(numbers)
-        while looking:
-            seen = self._glance(looking, target)
-            self.glances.update(zip(looking, seen, strict=True))
-            # A board that is lost in one picture is looked for where it is in the next.
-            beside = {at for n in looking if _shows(self.glances[n]) for at in self._next_to(n)}
-            looking = sorted(at for at in beside if not _shows(self.glances[at]))
-            looking = [at for at in looking if at not in self._again]
-            self._again.update(looking)
-            numbers += [at for at in looking if at not in numbers]
-        names = [self.photos[at].name for at in numbers]
-        found = [self.glances[at] for at in numbers]
-        if not self.targets:
-            return _make_found_of_grids(
-                names, [one if isinstance(one, FoundGrids) else None for one in found]
-            )
-        corners, identified = name_quick_detections(found, self.targets, self.size, names)
-        made = _make_found_of_corners(corners)
-        if identified is None or made.target is None:
-            return made
-        evidence = GridEvidence(
-            photos=len(names),
-            names=names,
-            picture=lambda number: None,
-            target=made.target,
-            with_boards=len(names),
-            lost=(),
-            identified=identified,
-        )
-        return replace(made, findings=tuple(squares_of_grids(evidence)))
-
-    def _glance(self, numbers: Sequence[int], target: Target | None) -> list[QuickDetection | None]:
-        """Search pictures quickly, those of a film beside what the next ones show."""
-        glances = []
-        for at in numbers:
-            near = [self.glances[one] for one in self._next_to(at)] if self.is_film else None
-            known = None if near is None else tuple(one for one in near if one is not None)
-            glances.append(_Glance(photo=self.photos[at], near=known))
         work = replace(self.run, jobs=self.quick_jobs).work(f"Glancing at {self.what}")
-        return work.done(partial(_quick_detect, target=target), glances)
-
-    def _next_to(self, number: int) -> list[int]:
-        """Return the pictures before and after one of a film, of those that were searched."""
-        if not self.is_film:
-            return []
-        before = max((at for at in self.glances if at < number), default=None)
-        after = min((at for at in self.glances if at > number), default=None)
-        return [at for at in (before, after) if at is not None]
+        return Found.of(self.glances.look(numbers, self.targets or (), work))
 
     def detect(self, numbers: Sequence[int]) -> Found:
         """Return what full detection finds in some pictures."""
-        photos = [self.photos[at] for at in numbers]
-        return found_in(photos, self.targets, self.run.work("Finding boards"), self.run.cache)
+        photos = [self.glances.photos[at] for at in numbers]
+        return Found.of(
+            find_corners(photos, self.targets or (), self.run, again=False, step="Finding boards")
+        )
 
     def _search_quickly(self, numbers: Sequence[int], found: Found) -> Found:
         """Search pictures quickly, from first to last, until more add hardly anything."""
@@ -358,7 +260,7 @@ class Search:
 
     def _choose(self, found: Found) -> None:
         """Choose by what pictures add to the camera, or by what they show if none is fitted."""
-        names = [photo.name for photo in self.photos]
+        names = [photo.name for photo in self.glances.photos]
         self.seen = [
             replace(one, patches=found.patches.get(name, ()))
             for one, name in zip(self.seen, names, strict=True)
@@ -372,7 +274,8 @@ class Search:
             except FitError:
                 return None
 
-        self.choice = choose(self.seen, self.size, self.most, still_px(self.size), gains)
+        size = self.glances.size
+        self.choice = choose(self.seen, size, self.most, still_px(size), gains)
 
 
 def choose_photos(
@@ -402,9 +305,8 @@ def choose_photos(
     sharp = {photo: one[1] for photo, one in pairs if one is not None and one[0] == size}
     usual = list(sharp)
     search = Search(
-        photos=usual,
+        glances=Glances(photos=usual, size=size),
         seen=[Seen(sharpness=one) for one in sharp.values()],
-        size=size,
         most=most,
         targets=targets,
         run=run,
@@ -418,7 +320,8 @@ def choose_photos(
 
 def why_ended(choice: Choice, what: str) -> str:
     """Return why no more pictures were chosen, in a sentence; ``what`` they are."""
-    return Event(f"chosen_{choice.ended}").line(chosen=len(choice.order), what=what)
+    figures = {"chosen": len(choice.order), "what": what}
+    return render_event(Event(f"chosen_{choice.ended}"), figures)
 
 
 def _measure_photo(photo: Photo) -> tuple[tuple[int, int], float] | None:

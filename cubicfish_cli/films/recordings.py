@@ -14,9 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import OutputError, PhotoError
-from cubicfish.errors import MISSING
-from cubicfish.photos import shown
+from cubicfish import OutputError, PhotoError, shown
 from cubicfish.photos.photos import MAX_PIXELS
 from cubicfish_cli.inputs.paths import file_and_topic
 
@@ -66,7 +64,7 @@ class Recording:
         """Open it."""
         self._path, topic = file_and_topic(path)
         if not self._path.exists():
-            raise PhotoError(f"{shown(self._path)} {MISSING}")
+            raise PhotoError.missing(self._path)
         self._reader = self._open_reader()
         try:
             self._connections = self._select_topic(topic)

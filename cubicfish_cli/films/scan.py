@@ -16,9 +16,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from cubicfish import Event, Listener, PhotoError, read_picture
+from cubicfish import Event, Listener, PhotoError, read_picture, shown
 from cubicfish.files import whole_file
-from cubicfish.photos import Picture, shown
+from cubicfish.photos import Picture
 from cubicfish_cli.films.measure import Grey, motion, sharpness, small_picture
 from cubicfish_cli.films.source import Film, frames, missing_frames, opened
 

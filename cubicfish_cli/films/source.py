@@ -12,9 +12,7 @@ from os.path import realpath
 from pathlib import Path
 from typing import Any
 
-from cubicfish import OutputError, PhotoError
-from cubicfish.errors import MISSING
-from cubicfish.photos import shown
+from cubicfish import OutputError, PhotoError, shown
 from cubicfish.photos.photos import MAX_PIXELS
 from cubicfish_cli.films.recordings import Recording, label_of
 from cubicfish_cli.inputs.paths import is_recording
@@ -65,8 +63,10 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
     # What matters comes back as an error. At any other level FFmpeg's threads wait for Python's
     # lock to say something, while Python, which holds it, waits for them to end.
     av.logging.set_level(None)
+    if not path.exists():
+        raise PhotoError.missing(path)
     if not path.is_file():
-        raise PhotoError(f"{shown(path)} {'is no file' if path.exists() else MISSING}")
+        raise PhotoError(f"{shown(path)} is no file")
     try:
         # As ``options`` PyAV before 18 hands them to every stream that it finds later on, too,
         # by a list that is as long as the streams known at first: MPEG files crash.
@@ -231,19 +231,19 @@ def decode(source: Path, container: Any, stream: Any, *, whole: bool = True) -> 
             have been given.
 
     """
-    size, count = (stream.width, stream.height), 0
+    size = stream.width, stream.height
     if isinstance(container, Recording):
-        for frame in container.frames():
-            _refuse_another_size(source, frame, size, count)
-            count += 1
+        for number, frame in enumerate(container.frames()):
+            _refuse_another_size(source, frame, size, number)
             yield frame
-        return
-    av = library()
-    second, rate = 1 / stream.time_base, stream.average_rate
-    step, most = max(1, round(second / rate)) if rate else None, _JOINED * second
-    # What FFmpeg makes up there, where frames are drawn upon later ones, is out of order.
-    has_times = container.format.name != "avi" or not stream.codec_context.has_b_frames
-    last: int | None = None
+    else:
+        yield from _decode_packets(source, container, stream, size, whole=whole)
+
+
+def _decode_packets(
+    source: Path, container: Any, stream: Any, size: tuple[int, int], *, whole: bool
+) -> Iterator[Any]:
+    av, times, count = library(), _Times(container, stream), 0
     is_cut = False
     try:
         for packet in container.demux(stream, *container.streams.audio):
@@ -262,7 +262,7 @@ def decode(source: Path, container: Any, stream: Any, *, whole: bool = True) -> 
                 is_cut = packet.is_corrupt
             for frame in made:
                 _refuse_another_size(source, frame, size, count)
-                frame.pts = last = time_after(last, frame.pts if has_times else None, step, most)
+                frame.pts = times.next(frame.pts)
                 if whole or not frame.is_corrupt:
                     count += 1
                     yield frame
@@ -284,6 +284,23 @@ def _refuse_another_size(source: Path, frame: Any, size: tuple[int, int], count:
             f"{shown(source)} has frames of {frame.width}x{frame.height} pixels after frame "
             f"{count}, and of {size[0]}x{size[1]} before: cut it there with ffmpeg"
         )
+
+
+class _Times:
+    """Times of a film's frames that grow from frame to frame, in units of the stream."""
+
+    def __init__(self, container: Any, stream: Any) -> None:
+        second, rate = 1 / stream.time_base, stream.average_rate
+        self._step = max(1, round(second / rate)) if rate else None
+        self._most = _JOINED * second
+        # What FFmpeg makes up there, where frames are drawn upon later ones, is out of order.
+        self._stated = container.format.name != "avi" or not stream.codec_context.has_b_frames
+        self._last: int | None = None
+
+    def next(self, own: int | None) -> int | None:
+        """Return the time of the next frame, which states this one itself."""
+        self._last = time_after(self._last, own if self._stated else None, self._step, self._most)
+        return self._last
 
 
 def time_after(last: int | None, own: int | None, step: int | None, most: float) -> int | None:

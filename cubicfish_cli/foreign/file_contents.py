@@ -15,11 +15,10 @@ from typing import Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import CameraFileError, FloatArray
+from cubicfish import CameraFileError, FloatArray, quoted
 from cubicfish.files import read_text
 from cubicfish.files.plain_yaml import mapping
 from cubicfish.units import times
-from cubicfish.wording import quoted
 
 Pose = tuple[FloatArray, FloatArray]
 """Rotation (3, 3) and translation (3,)."""

@@ -18,31 +18,30 @@ from cubicfish import (
     BoolArray,
     Calibration,
     CubicCamera,
+    CubicfishError,
     FloatArray,
     Observations,
     Target,
     load_any_camera,
     load_corners,
+    quoted,
 )
 from cubicfish.angles import angle_from_axis
-from cubicfish.files.fingerprint import sha256_of
-from cubicfish.fit.coverage import FieldCells, field_cells
+from cubicfish.files import Fingerprint
+from cubicfish.fit import FieldCells
 from cubicfish.io.camera_yaml import CameraRecord
 from cubicfish.io.corners_csv import load_correspondences
-from cubicfish.judge import FitRecord, PhotoRecord
-from cubicfish.judge.fit_record import FileRecord, Origin
-from cubicfish.judge.verdict import photo_verdicts
+from cubicfish.judge import FitRecord, Origin, PhotoRecord, photo_verdicts
 from cubicfish.photos import find_photos
-from cubicfish.solve.statistics import rms_px
+from cubicfish.solve import rms_px
 from cubicfish.target.placement import best_named
-from cubicfish.wording import quoted
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.viewpoints.truth import camera_points
 from cubicfish_cli.words.camera import photo_words
 from cubicfish_cli.words.sufficiency import summary
 
 if TYPE_CHECKING:
-    from cubicfish.fit.point_fit import PointCalibration
+    from cubicfish.fit import PointCalibration
     from cubicfish.models import PointCamera
 
 REFINED = ("shape", "points")
@@ -98,6 +97,7 @@ class Facts:
         files: where each photo is, as far as that is known.
         digests: SHA-256 that a photo's file must have to be shown, where that is known.
         absent: what the page lacks and why, a line each.
+        sources: the files that it was read from, beside the camera's.
         advice: what to photograph next, in a line; None where the corners are not at hand or the
             camera has no rays.
 
@@ -112,6 +112,7 @@ class Facts:
     files: Mapping[str, Path]
     digests: Mapping[str, str]
     absent: tuple[str, ...]
+    sources: tuple[Path, ...]
     advice: str | None
 
     @property
@@ -150,6 +151,7 @@ def gather(
     digests: Mapping[str, str] | None = None,
     lack: str | None = None,
     absent: Sequence[str] = (),
+    sources: Sequence[Path] = (),
 ) -> Facts:
     """Put together what is known.
 
@@ -162,10 +164,11 @@ def gather(
         digests: SHA-256 that these files must have, by the photos' names; others are not shown.
         lack: why there are no pairs.
         absent: what else is known to be missing and why, a line each.
+        sources: the files that all this was read from, beside the camera's.
 
     """
     camera, fit = known.camera, known.fit
-    judged = photo_verdicts(fit.per_image, fit.dropped_corners, camera.image_size)
+    judged = photo_verdicts(fit, camera.image_size)
     verdict_words = zip(fit.per_image, judged, strict=True)
     lines = [*absent]
     errors = None
@@ -197,6 +200,7 @@ def gather(
         files=files,
         digests=digests or {},
         absent=tuple(lines),
+        sources=tuple(sources),
         advice=None if errors is None else summary(known, errors.pairs),
     )
 
@@ -249,7 +253,7 @@ def _measure_errors(
         )
     is_ray = isinstance(camera, CubicCamera)
     angle = np.rad2deg(angle_from_axis(points)) if is_ray else None
-    cells = field_cells(camera, used.pixel)
+    cells = FieldCells.of(camera, used.pixel)
     return ErrorFacts(pairs=used, residual=residual, angle_deg=angle, cells=cells), None
 
 
@@ -308,7 +312,10 @@ def facts_of_files(
         nominal = _find_beside(folder, _REFINED) or target
     thing = None if nominal is None else target_in(nominal)
     size = loaded.camera.image_size
-    pairs = _load_pairs(corners or folder / _CORNERS, folder, origin, thing, size)
+    beside = corners or folder / _CORNERS
+    table = _find_table(beside, folder, origin, thing)
+    is_named = table == beside or origin.target is not None
+    pairs = None if table is None else _load_pairs(table, thing if is_named else None, size)
     lack = _explain_lack(folder, origin, thing, refined=refined) if pairs is None else None
     names = [photo.image for photo in loaded.fit.per_image]
     digests = {Path(one.file): one.sha256 for one in origin.inputs}
@@ -331,6 +338,7 @@ def facts_of_files(
         digests={name: digests[path] for name, path in recorded.items()},
         lack=lack,
         absent=absent,
+        sources=[path for path in (nominal, table, *files.values()) if path is not None],
     )
 
 
@@ -352,21 +360,19 @@ def facts_of_fit(
     return gather(fitted, pairs=pairs, target=target, files=files)
 
 
-def _load_pairs(
-    beside: Path,
-    folder: Path,
-    origin: Origin,
-    target: Target | None,
-    size: tuple[int, int],
-) -> Observations | None:
+def _find_table(beside: Path, folder: Path, origin: Origin, target: Target | None) -> Path | None:
+    """The table of corners or points: beside the camera, else the one that it came from."""
     if target is not None and beside.is_file():
-        return load_corners(beside, target, image_size=size)
+        return beside
     table = _find_recorded(origin.inputs[0], folder) if len(origin.inputs) == 1 else None
-    if table is None or table.suffix.lower() != ".csv":
-        return None
-    if origin.target is None:
+    is_csv = table is not None and table.suffix.lower() == ".csv"
+    return table if is_csv and (origin.target is None or target is not None) else None
+
+
+def _load_pairs(table: Path, target: Target | None, size: tuple[int, int]) -> Observations:
+    if target is None:
         return load_correspondences(table, image_size=size)
-    return None if target is None else load_corners(table, target, image_size=size)
+    return load_corners(table, target, image_size=size)
 
 
 def _explain_lack(folder: Path, origin: Origin, target: Target | None, *, refined: bool) -> str:
@@ -391,14 +397,14 @@ def _find_beside(folder: Path, name: str) -> Path | None:
     return path if path.is_file() else None
 
 
-def _find_recorded(record: FileRecord | None, folder: Path) -> Path | None:
+def _find_recorded(record: Fingerprint | None, folder: Path) -> Path | None:
     """The file that a record names, if it is there and still the same."""
     if record is None:
         return None
     path = _place(Path(record.file), folder)
     try:
-        return path if path and sha256_of(path) == record.sha256 else None
-    except OSError:
+        return path if path and Fingerprint.of(path).sha256 == record.sha256 else None
+    except CubicfishError:
         return None
 
 

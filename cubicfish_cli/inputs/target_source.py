@@ -11,16 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish import CubicfishError, Listener, TargetError, UsageError
-from cubicfish.errors import MISSING
+from cubicfish import CubicfishError, Listener, TargetError, UsageError, quoted
 from cubicfish.files import StrPath
-from cubicfish.listener import SILENT
 from cubicfish.units import MILLIMETRES
-from cubicfish.wording import quoted
 
 if TYPE_CHECKING:
     from cubicfish import Target
-    from cubicfish.files.fingerprint import Fingerprint
+    from cubicfish.files import Fingerprint
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,11 +73,10 @@ class TargetSource:
                 "with --board 9x6 --square 25mm (inner corners, side of a square)"
             )
         if self.path is not None and not os.path.lexists(self.path):
-            raise CubicfishError(
-                f"{self.path} {MISSING}, or name a flat checkerboard with --board 9x6 --square 25mm"
-            )
+            do = "name a flat checkerboard with --board 9x6 --square 25mm"
+            raise CubicfishError.missing(self.path, do=do)
 
-    def load(self, listener: Listener = SILENT) -> list[Target]:
+    def load(self, listener: Listener = Listener()) -> list[Target]:
         """The target; where nobody has said whether its outer squares are dark, light ones too.
 
         Raises:
@@ -108,9 +104,9 @@ class TargetSource:
 
     def fingerprint(self) -> Fingerprint | None:
         """The file's, before it is read; None where there is none."""
-        from cubicfish.files.fingerprint import fingerprint
+        from cubicfish.files import Fingerprint
 
-        return None if self.path is None else fingerprint(self.path)
+        return None if self.path is None else Fingerprint.of(self.path)
 
 
 def target_in(given: Target | StrPath) -> Target:

@@ -10,8 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish import BoolArray, Finding, FloatArray, IntArray, Observations
-from cubicfish.find.identification.identified import CODES, Decided, PhotoReport
+from cubicfish.find import PhotoReport
 from cubicfish.photos import Picture
+from cubicfish_cli.words.remarks import problem_of
+from cubicfish_cli.words.sentences import render_short
 
 ColourPicture = npt.NDArray[np.uint8]
 Colour = tuple[int, int, int]  # blue, green, red
@@ -60,12 +62,12 @@ def draw_found(picture: Picture, report: PhotoReport, corners: Observations) -> 
     for row, (text, colour) in enumerate(_write_caption(report, boards)):
         canvas.write(text, np.array([0.0, (row + 1) * canvas.line]), colour)
     for grid, fate in zip(report.found.grids if report.found else (), report.grids, strict=True):
-        if not fate.named:
+        if fate.code is not None and not fate.named:
             lines, mark = _join_neighbours(grid.cells, grid.pixel, canvas.unit)
             cross = grid.pixel[:, None] + mark * _SQUARE
             canvas.lines(lines, LEFT_OUT)
             canvas.lines(np.concatenate([cross[:, ::2], cross[:, 1::2]]), LEFT_OUT)
-            why = Finding(code=CODES[fate.verdict], case="short").what
+            why = render_short(Finding(code=fate.code))
             canvas.write(f"left out: {why}", grid.pixel.mean(axis=0), LEFT_OUT)
     for board in boards:
         _draw_board(canvas, board)
@@ -202,9 +204,7 @@ def _find_boards(report: PhotoReport, corners: Observations) -> list[_Board]:
     first = [grid.pixel for grid, fate in fates if fate.named]
     added = ~np.isin(corners.pixel @ [1, 1j], np.concatenate([np.empty((0, 2)), *first]) @ [1, 1j])
     conventions = {
-        fate.place.board
-        for fate in report.grids
-        if fate.place is not None and fate.verdict is Decided.CONVENTION
+        fate.place.board for fate in report.grids if fate.place is not None and not fate.sure
     }
     boards = []
     for index, name in enumerate(corners.boards):
@@ -238,6 +238,6 @@ def _write_caption(report: PhotoReport, boards: Sequence[_Board]) -> list[tuple[
         parts.append((f"{added} by a second look (squares)", WHITE))
     if left_out:
         parts.append((f"{left_out} grid{'s' * (left_out != 1)} left out", LEFT_OUT))
-    elif report.problem is not None:
-        parts.append((report.problem, LEFT_OUT))
+    elif (problem := problem_of(report)) is not None:
+        parts.append((problem, LEFT_OUT))
     return parts

@@ -19,9 +19,10 @@ What commands share: options of many commands, and numbers with bounds, in `para
 and tables on stdout and stderr in `terminal.py`; figures and the table of photos in `figures.py`;
 the line of progress, and the folder of what is kept from one run to the next, in `progress.py`.
 
-`refuse_existing` refuses names of outputs before the work, and one `write_files`
-(`files/whole_files.py`) writes all outputs of a run. In a calibration's folder `camera.yaml` comes
-last: where it is, the others are its own, whenever a run is killed.
+A `Plan` (`plan.py`) knows what a run reads and writes, and refuses outputs before the work: those
+that exist, that are inputs, or that have one name. One `write_files` (`files/whole_files.py`)
+writes all outputs of a run. In a calibration's folder `camera.yaml` comes last: where it is, the
+others are its own, whenever a run is killed.
 `tests/system/faults/try_faults.py` kills every command at random moments and spoils its folders.
 `tests/system/packaging` runs chains of commands
 without a network, with every warning an error, and compares all files before and after;

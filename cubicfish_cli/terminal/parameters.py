@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 import click
 from click.core import ParameterSource
 
-from cubicfish import CameraFileError, UsageError
-from cubicfish.wording import quoted
+from cubicfish import CameraFileError, UsageError, quoted
 from cubicfish_cli.inputs.paths import in_folder
 
 if TYPE_CHECKING:
@@ -270,7 +269,9 @@ def as_command(
                     made = do(given, run=run)
                 show(made, given, way)
             except UsageError as problem:
-                raise click.UsageError(str(problem)) from problem
+                from cubicfish_cli.words.sentences import render_error
+
+                raise click.UsageError(render_error(problem)) from problem
 
         params = options.parameters() + ways.parameters()
         shown = {"short_help": short_help, "epilog": examples(*lines), **more}
@@ -289,7 +290,7 @@ def record(kind: type[Kind]) -> type[Kind]:
             delattr(kind, name)
         else:
             setattr(kind, name, one.default)
-    setattr(kind, "checked_fields", True)
+    kind.checked_fields = True
     setattr(kind, _OPTIONS, {**getattr(kind, _OPTIONS, {}), **options})
     return dataclass(frozen=True, kw_only=True)(kind)
 
@@ -370,8 +371,6 @@ def is_given(parameter: str) -> bool:
 
 def command_line() -> str:
     """The command that is being run, without what is by default and what changes no camera."""
-    from cubicfish.run import as_text
-
     context = click.get_current_context()
     words = context.command_path.split()
     for parameter in context.command.params:
@@ -390,7 +389,7 @@ def command_line() -> str:
             words.append(max(names or parameter.opts, key=len))
             if not isinstance(one, bool):
                 words.append("x".join(map(str, one)) if isinstance(one, tuple) else str(one))
-    return as_text(shlex.join(words))
+    return shlex.join(words)
 
 
 def verbosity() -> int:

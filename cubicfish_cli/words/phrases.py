@@ -6,12 +6,17 @@ from collections.abc import Iterable
 from string import Formatter
 from typing import Any
 
-from cubicfish.files.frame_names import film_and_time
+from cubicfish import listed
+from cubicfish.files import FrameName
 from cubicfish.units import MILLIMETRES
-from cubicfish.wording import listed, plural
 
 _MOST_FILMS = 3
 _IMPERIAL = ("in", "inch", "inches", "ft")
+
+
+def plural(number: float, what: str) -> str:
+    """Return ``1 photo``, ``2 photos``, ``1,200 photos``."""
+    return f"{number:,.0f} {what}{'' if number == 1 else 's'}"
 
 
 def percent(share: float) -> str:
@@ -24,7 +29,7 @@ def counted(photos: Iterable[str]) -> str:
 
     More than three films are counted, not named.
     """
-    names = [film_and_time(photo) for photo in photos]
+    names = [FrameName.read(photo) for photo in photos]
     films = Counter(name[0] for name in names if name is not None)
     single = len(names) - films.total()
     parts = []

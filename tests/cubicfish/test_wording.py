@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cubicfish.types import FloatArray
-from cubicfish.wording import Brief, did_you_mean, either, quoted
+from cubicfish.wording import Brief, did_you_mean, listed, quoted
 
 
 def test_quotes_are_one_short_printable_line() -> None:
@@ -32,7 +32,8 @@ def test_a_long_list_is_cut() -> None:
 
 
 def test_choices_are_listed_as_one_says_them():
-    assert [either(words) for words in ("a", "ab", "abc")] == ["a", "a or b", "a, b or c"]
+    lists = [listed(words, word="or") for words in ("a", "ab", "abc")]
+    assert lists == ["a", "a or b", "a, b or c"]
 
 
 @dataclass(repr=False)

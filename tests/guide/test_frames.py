@@ -10,11 +10,13 @@ pytest.importorskip("av")
 
 from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film
 from listening import Heard
+from told import raises_told
 
 from cubicfish import DetectionError, Finding, Observations, PhotoError, Run, Target, read_picture
 from cubicfish.find.detection.grids import FoundGrids, Grid
 from cubicfish.judge import Severity
 from cubicfish.judge.codes import Code
+from cubicfish.observe import glances
 from cubicfish.photos import Photo
 from cubicfish_cli.extensions.films.command import FramesOptions, choose_frames
 from cubicfish_cli.films import frame_search
@@ -32,10 +34,10 @@ def search(monkeypatch, adds: list[bool], most: int = 60) -> Search:
         return Choice(order=tuple(order), gain=(0.0,) * len(order), ended=ended)
 
     monkeypatch.setattr(frame_search, "choose", choose)
+    photos = [Photo(name=str(at), path=Path(str(at))) for at in range(len(adds))]
     return Search(
-        photos=[Photo(name=str(at), path=Path(str(at))) for at in range(len(adds))],
+        glances=glances.Glances(photos=photos, size=SIZE),
         seen=[Seen(sharpness=1.0)] * len(adds),
-        size=SIZE,
         most=most,
         targets=None,
         run=Run(),
@@ -74,8 +76,8 @@ def test_what_is_uncertain_of_names_goes_along() -> None:
         [places, places], [pixel, pixel], (64, 48), images=["a", "b"], boards=["board"]
     )
     corners = replace(corners, certain=corners.image == 0)
-    found = frame_search._make_found_of_corners(corners)
-    assert {name: [one.certain for one in own] for name, own in found.patches.items()} == {
+    patches = frame_search._make_patches_of_corners(corners)
+    assert {name: [one.certain for one in own] for name, own in patches.items()} == {
         "a": [True],
         "b": [False],
     }
@@ -164,7 +166,7 @@ def test_of_pictures_that_seem_empty_some_tell_of_all(monkeypatch, hidden: int) 
 @pytest.mark.parametrize("is_film", [True, False])
 def test_a_film_without_boards_is_given_up_after_some(monkeypatch, is_film: bool) -> None:
     looking, asked = search(monkeypatch, [True] * 60), []
-    looking.is_film, looking.at_once = is_film, 24
+    looking.glances.is_film, looking.at_once = is_film, 24
     with pytest.raises(DetectionError, match="nothing there"):
         search_by(looking, shows([False] * 60), asked_of([False] * 60, asked), range(60), [])
     assert max(map(len, asked)) == (20 if is_film else 60)
@@ -182,9 +184,9 @@ def test_a_board_that_is_lost_in_a_picture_is_looked_for_beside_it(monkeypatch) 
         grids = (grid,) if shown else ()
         return FoundGrids(grids=grids, refused=np.zeros((0, 2)), image_size=SIZE)
 
-    monkeypatch.setattr(frame_search, "_quick_detect", quick)
+    monkeypatch.setattr(glances, "_quick_detect", quick)
     looking = search(monkeypatch, [True] * 10)
-    looking.is_film, looking.detect = True, shows([False] * 10)
+    looking.glances.is_film, looking.detect = True, shows([False] * 10)
     looking.search(range(10), [])
     # The picture next to the last one shows nothing.
     assert set(looking.choice.order) == {2, 3, 4, 5, 6}
@@ -199,7 +201,7 @@ def test_counts_of_corners_that_few_pictures_show_end_the_search(monkeypatch) ->
         figures={"columns": 1, "rows": 2, "drawn_columns": 3, "drawn_rows": 4, "photos": 9},
     )
     few = shows([at < 2 for at in range(10)], (counts,))
-    with pytest.raises(DetectionError, match="found 1x2 inner corners in 9 photos"):
+    with raises_told(DetectionError, "found 1x2 inner corners in 9 photos"):
         search_by(search(monkeypatch, [True] * 10), shows([False] * 10), few, range(10), [])
     # Found quickly it is a reason to detect fully, which reports it or not.
     looking = search(monkeypatch, [True] * 10)

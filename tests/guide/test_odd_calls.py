@@ -14,13 +14,11 @@ from lenses import smaller
 from running import SAMPLE
 from simulated import CornerErrors
 from simulated_rig import corner_target, simulated_rig
-from synthetic import TRUE_LENS
 from synthetic_lenses import synthetic_lens
 
 import cubicfish
 import cubicfish_cli
 from cubicfish import Calibration, CubicfishError, Observations, Run, Target
-from cubicfish.workers import pool
 from cubicfish_cli import ViewOptions
 
 ODD: Mapping[str, Any] = {
@@ -186,7 +184,9 @@ def outcome(call: Callable[[], Any]) -> str:
     return ""
 
 
-def odd_calls(function: Callable[..., Any], known: Known) -> Iterator[tuple[str, Callable[[], Any]]]:
+def odd_calls(
+    function: Callable[..., Any], known: Known
+) -> Iterator[tuple[str, Callable[[], Any]]]:
     name = function.__name__
     if name in ARGUMENTS:
         sound = ARGUMENTS[name](known)

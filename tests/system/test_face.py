@@ -17,8 +17,11 @@ PACKAGES = ("cubicfish", *sorted(
 ))  # fmt: skip
 
 MOST_NAMES = 120
-MOST_INTERNAL = 225  # never more than this: lower it with every name that is no longer taken
-EXCEPTIONS: dict[str, str] = {}  # full name -> why it is taken all the same; at most ten
+MOST_INTERNAL = 149  # never more than this: lower it with every name that is no longer taken
+# Full name -> why it is taken all the same; at most ten.
+EXCEPTIONS: dict[str, str] = {
+    "cubicfish.find.detection.finder": "benchmarks/detection.py counts the patches that it grows",
+}
 
 
 def imports_of(text: str) -> Iterator[tuple[str, str]]:

@@ -168,8 +168,8 @@ def test_names_that_collide_once_their_kind_changes_do_not_replace_each_other(
         write_picture(here / name, np.zeros((4, 4), np.uint8), overwrite=False)
     arguments = ("detect", here, "--target", TARGET, "--draw", here / "seen", "--no-cache")
     run(*arguments, code=1)
-    from cubicfish.observe.detection import drawings
     from cubicfish.photos import find_photos
+    from cubicfish_cli.render.drawings import drawings
 
     places = drawings(here / "seen", find_photos([here]))
     assert len(set(places.values())) == 3

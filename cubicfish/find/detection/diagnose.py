@@ -130,7 +130,7 @@ def explain_no_grids(image: npt.NDArray[np.generic], found: FoundGrids) -> Findi
         return Finding(code=Code.SQUARES_TOO_SMALL, figures={**seen.figures, "least_px": least_px})
     if too_bright:
         return Finding(code=Code.TOO_BRIGHT)
-    blurred = _is_nothing_sharp(pyramid) or (seen is not None and _is_blurred(image, seen, zoom))
+    blurred = _is_nothing_sharp(pyramid) or _is_blurred(image, seen, zoom)
     return _explain_sharpness(seen, blurred=blurred, crossings=len(found.refused))
 
 
@@ -220,8 +220,10 @@ def _is_nothing_sharp(pyramid: Pyramid) -> bool:
     return bool((smallest > _SLOPE_GROWTH * small)[edges].any())
 
 
-def _is_blurred(image: npt.NDArray[np.generic], seen: _Squares, finest: int) -> bool:
-    """Tell whether squares are blurred, and not made up of what is sharp at a finer scale."""
+def _is_blurred(image: npt.NDArray[np.generic], seen: _Squares | None, finest: int) -> bool:
+    """Tell whether there are squares, blurred and not made up of what is sharp at a finer scale."""
+    if seen is None:
+        return False
     if seen.zoom == finest:
         return seen.blur_px > USUAL_BLUR * seen.side_px
     (left, top), (right, bottom) = np.maximum([seen.low, seen.high], 0).astype(int)

@@ -85,6 +85,15 @@ class FoundGrids:
         none = np.zeros((0, 2))
         return cls(grids=(), refused=none, image_size=image_size, searched=False)
 
+    def each(self) -> list[Self]:
+        """Every grid by itself."""
+        return [replace(self, grids=(grid,)) for grid in self.grids]
+
+    def moved(self, by: FloatArray | IntArray) -> Self:
+        """The same in a photo of which this one is the part that begins at ``by`` (2,): x, y."""
+        grids = tuple(replace(grid, pixel=grid.pixel + by) for grid in self.grids)
+        return replace(self, grids=grids, refused=self.refused + by)
+
 
 def negative_photo(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """A grey photo (H, W) with light and dark exchanged."""

@@ -7,8 +7,9 @@ that agree with each other about where the board is; what they contradict is lef
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -39,11 +40,13 @@ from cubicfish.find.detection.markers_pieces import Piece, placed
 from cubicfish.find.detection.markers_read import group_agreeing, read_alone
 from cubicfish.find.detection.pyramid import CLOSE, build_pyramid, enlarged, reduced
 from cubicfish.target.target import Target
-from cubicfish.types import FloatArray, IntArray
+from cubicfish.types import BoolArray, FloatArray, IntArray
 
 # Where nothing else vouches for markers, so many must agree.
 _AGREEING = 2
 _NO_GRIDS = np.zeros(0, np.intp)
+# What is known of each corner.
+_OF_A_CORNER = ("board", "column", "row", "pixel")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,16 +75,35 @@ class MarkedCorners:
         """Return the number of corners."""
         return len(self.board)
 
+    @classmethod
+    def none(cls) -> MarkedCorners:
+        """Those of a photo in which no marker is read and no grid is known."""
+        return _make_marked(Named(pieces=[], contradictory=set()), 0)
+
+    def select(self, rows: BoolArray) -> MarkedCorners:
+        """Some of the corners (N,)."""
+        own: dict[str, Any] = {name: getattr(self, name)[rows] for name in _OF_A_CORNER}
+        return replace(self, **own)
+
     def without(self, board: int) -> MarkedCorners:
         """All but the corners of one board."""
-        rows = self.board != board
-        return replace(
-            self,
-            board=self.board[rows],
-            column=self.column[rows],
-            row=self.row[rows],
-            pixel=self.pixel[rows],
-        )
+        return self.select(self.board != board)
+
+    def with_corners_of(self, parts: Sequence[MarkedCorners]) -> MarkedCorners:
+        """With the corners of others, in place of its own."""
+        every = [self.select(self.board < 0), *parts]
+        joined: dict[str, Any] = {
+            name: np.concatenate([getattr(one, name) for one in every]) for name in _OF_A_CORNER
+        }
+        return replace(self, **joined)
+
+    def each(self) -> list[MarkedCorners]:
+        """The corners of every board by themselves."""
+        return [self.select(self.board == board) for board in np.unique(self.board)]
+
+    def moved(self, by: FloatArray | IntArray) -> MarkedCorners:
+        """The same in a photo of which this one is the part that begins at ``by`` (2,): x, y."""
+        return replace(self, pixel=self.pixel + by)
 
 
 def find_marked_corners(
@@ -156,12 +178,8 @@ def _mirror_found(found: MarkedCorners, target: Target, width: int) -> MarkedCor
 
 def _join_both(one: MarkedCorners, other: MarkedCorners) -> MarkedCorners:
     """The corners of boards of both kinds in one photo."""
-    joined = {
-        name: np.concatenate([getattr(one, name), getattr(other, name)])
-        for name in ("board", "column", "row", "pixel")
-    }
-    return MarkedCorners(
-        **joined,
+    return replace(
+        one.with_corners_of([one, other]),
         grid_board=np.maximum(one.grid_board, other.grid_board),
         contradictory=tuple(sorted({*one.contradictory, *other.contradictory})),
     )

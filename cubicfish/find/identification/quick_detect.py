@@ -1,4 +1,4 @@
-"""Quick detection: pictures -> named corners, enough to choose which of them to detect in fully.
+"""Quick detection: what pictures show, enough to choose which of them to detect in fully.
 
 The first steps of the finder alone, on reduced photos: corners are good to a few tenths of a pixel,
 and those that only growth finds are missing, as are boards with small squares. Photos or a target
@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
@@ -27,12 +28,9 @@ from cubicfish.find.detection.markers_read import marker_ratio
 from cubicfish.find.detection.nearby import nearest
 from cubicfish.find.detection.pyramid import SMALLEST_SIDE, build_pyramid, enlarged, reduced
 from cubicfish.find.detection.saddle import fit_saddles
-from cubicfish.find.identification.identified import Identified, marked_corners
-from cubicfish.find.identification.name_grids import name_grids
 from cubicfish.target.boards.markers import modules_along
-from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
-from cubicfish.types import BoolArray, FloatArray, IntArray
+from cubicfish.types import FloatArray, IntArray
 
 # Photos are reduced to fewer pixels than these: squares show at 6 px, modules of markers at 1.6.
 _MOST_PIXELS, _MOST_FOR_MARKERS = 250_000, 2_000_000
@@ -64,16 +62,6 @@ def quick_detect(image: npt.NDArray[np.generic], target: Target | None) -> Quick
     return _detect(image, target, _choose_zoom(image, target))
 
 
-def quick_detect_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
-    """Checkerboards in a grey photo (H, W) of uint8, uint16 or floats, larger ones first."""
-    return _detect_grids(image, _choose_zoom(image, None))
-
-
-def quick_detect_markers(image: npt.NDArray[np.generic], target: Target) -> MarkedCorners:
-    """Find corners of the boards with markers; the photo as for :func:`quick_detect_grids`."""
-    return _detect_markers(image, target, _choose_zoom(image, target))
-
-
 def quick_detect_near(
     image: npt.NDArray[np.generic], target: Target | None, near: Sequence[QuickDetection] = ()
 ) -> QuickDetection:
@@ -92,32 +80,24 @@ def quick_detect_near(
     """
     zoom = _choose_zoom(image, target)
     size = image.shape[1], image.shape[0]
-    known = [[_Seen.of(part, target) for part in _split(one)] for one in near]
-    places = [_list_places(boards) for boards in known]
-    expected = [_grown(own, other) for own, other in zip(places, places[::-1], strict=True)]
-    beside = [
-        place
-        for boards, own in zip(known, expected, strict=True)
-        for board, place in zip(boards, own, strict=True)
-    ]
+    known = [_list_boards(one, target) for one in near]
+    expected = _list_expected(known)
     small = [not board.is_clear(_COARSER * zoom) for boards in known for board in boards]
-    if _fill(
-        _apart([one for one, is_small in zip(beside, small, strict=True) if is_small], size), size
-    ):
+    if _fill(_apart(expected[np.array(small, bool)], size), size):
         return _detect(image, target, zoom)
     coarse = _detect(image, target, _COARSER * zoom)
-    seen = [_Seen.of(part, target) for part in _split(coarse)]
-    clear = [one for one in seen if one.is_whole or one.is_clear(_COARSER * zoom)]
+    seen = _list_boards(coarse, target)
+    clear = [one for one in seen if one.is_seen_whole(_COARSER * zoom)]
     others = [one.place for one in seen if one not in clear]
-    missed = [one for one in beside if not any(own.covers(one.mean(axis=0)) for own in clear)]
+    missed = [one for one in expected if not any(own.covers(one.mean(axis=0)) for own in clear)]
     parts = _apart([*others, *missed], size)
     if _fill(parts, size):
         return _detect(image, target, zoom)
     photo = reduced(image, zoom)
     found = [_refined(one, photo, zoom) for one in clear]
-    for (left, top), (right, bottom) in parts:
-        part = _detect(image[top:bottom, left:right], target, zoom)
-        found.append(_moved(part, np.array([left, top])))
+    for low, high in parts:
+        part = image[low[1] : high[1], low[0] : high[0]]
+        found.append(_detect(part, target, zoom).moved(low))
     return _joined(found, coarse)
 
 
@@ -194,6 +174,10 @@ class _Seen:
         """Tell whether its squares are seen clearly in the picture, reduced so many times."""
         return self.square >= zoom * self.clear_px
 
+    def is_seen_whole(self, zoom: float) -> bool:
+        """Tell whether the picture, reduced so many times, shows all of it that there is."""
+        return self.is_whole or self.is_clear(zoom)
+
     def covers(self, point: FloatArray) -> bool:
         """Tell whether it is seen around a point (2,)."""
         return bool((self.low <= point).all() and (point <= self.high).all())
@@ -245,21 +229,9 @@ def _choose_zoom(image: npt.NDArray[np.generic], target: Target | None) -> int:
     return max(1, math.ceil(math.sqrt(image.size / most)))
 
 
-def _split(found: QuickDetection) -> list[QuickDetection]:
-    """Each board that a picture shows by itself."""
-    if isinstance(found, FoundGrids):
-        return [replace(found, grids=(grid,)) for grid in found.grids]
-    return [_select(found, found.board == board) for board in np.unique(found.board)]
-
-
-def _select(found: MarkedCorners, rows: BoolArray) -> MarkedCorners:
-    return replace(
-        found,
-        board=found.board[rows],
-        column=found.column[rows],
-        row=found.row[rows],
-        pixel=found.pixel[rows],
-    )
+def _list_boards(found: QuickDetection, target: Target | None) -> list[_Seen]:
+    """Each board that a picture shows."""
+    return [_Seen.of(part, target) for part in found.each()]
 
 
 def _refined(seen: _Seen, image: npt.NDArray[np.generic], zoom: int) -> QuickDetection:
@@ -275,9 +247,11 @@ def _refined(seen: _Seen, image: npt.NDArray[np.generic], zoom: int) -> QuickDet
     return replace(found, pixel=better)
 
 
-def _list_places(boards: Sequence[_Seen]) -> FloatArray:
-    """Where more of boards may be: (B, 2, 2)."""
-    return np.array([one.place for one in boards], float).reshape(-1, 2, 2)
+def _list_expected(near: Sequence[Sequence[_Seen]]) -> FloatArray:
+    """Where boards (B, 2, 2) of pictures before and after one, two or fewer, may be in that one."""
+    places = [np.array([one.place for one in boards]).reshape(-1, 2, 2) for boards in near]
+    grown = [_grown(own, other) for own, other in zip(places, places[::-1], strict=True)]
+    return np.concatenate([np.zeros((0, 2, 2)), *grown])
 
 
 def _grown(places: FloatArray, others: FloatArray) -> FloatArray:
@@ -317,14 +291,6 @@ def _overlap(one: IntArray, other: IntArray) -> bool:
     return bool((one[0] < other[1]).all() and (other[0] < one[1]).all())
 
 
-def _moved(found: QuickDetection, by: IntArray) -> QuickDetection:
-    """What a part of a picture shows that begins at these x, y, as it is in the picture."""
-    if isinstance(found, MarkedCorners):
-        return replace(found, pixel=found.pixel + by)
-    grids = tuple(replace(grid, pixel=grid.pixel + by) for grid in found.grids)
-    return replace(found, grids=grids, refused=found.refused + by)
-
-
 def _same(grid: Grid, other: Grid) -> bool:
     """Tell whether two grids are of one board: corners of one are corners of the other."""
     distance, _ = nearest(grid.pixel, other.pixel, 1)
@@ -334,49 +300,18 @@ def _same(grid: Grid, other: Grid) -> bool:
 def _joined(parts: Sequence[QuickDetection], coarse: QuickDetection) -> QuickDetection:
     """What parts of a picture show, of which this is seen at half the size."""
     if isinstance(coarse, FoundGrids):
-        grids: list[Grid] = []
-        for part in parts:
-            if isinstance(part, FoundGrids):
-                grids += [grid for grid in part.grids if not any(_same(grid, o) for o in grids)]
-        return replace(coarse, grids=tuple(sorted(grids, key=lambda grid: -len(grid))))
+        return _join_grids([one for one in parts if isinstance(one, FoundGrids)], coarse)
+    return _join_marked([one for one in parts if isinstance(one, MarkedCorners)], coarse)
+
+
+def _join_grids(parts: Sequence[FoundGrids], coarse: FoundGrids) -> FoundGrids:
+    grids: list[Grid] = []
+    for part in parts:
+        grids += [grid for grid in part.grids if not any(_same(grid, one) for one in grids)]
+    return replace(coarse, grids=tuple(sorted(grids, key=lambda grid: -len(grid))))
+
+
+def _join_marked(parts: Sequence[MarkedCorners], coarse: MarkedCorners) -> MarkedCorners:
     # A board is in one part: in others is another like it, or what was misread.
-    single = [one for part in parts for one in _split(part) if isinstance(one, MarkedCorners)]
-    best = {int(one.board[0]): one for one in sorted(single, key=len)}
-    joined = [_select(coarse, coarse.board < 0), *(best[board] for board in sorted(best))]
-    board, column, row = (
-        np.concatenate([getattr(one, name) for one in joined])
-        for name in ("board", "column", "row")
-    )
-    pixel = np.concatenate([one.pixel for one in joined])
-    return replace(coarse, board=board, column=column, row=row, pixel=pixel)
-
-
-def name_quick_detections(
-    found: Sequence[QuickDetection | None],
-    targets: Sequence[Target],
-    size: tuple[int, int],
-    names: Sequence[str],
-) -> tuple[Observations, Identified | None]:
-    """Named corners of what was seen, of the target that explains most.
-
-    Args:
-        found: of each picture what markers of the first of the targets name, or its grids; None
-            where it cannot be read.
-        targets: what the target may be; of those with markers only one.
-        size: (width, height) of the pictures; what is not of this size is passed over.
-        names: of the pictures; those that show nothing are named in the result all the same.
-
-    Returns:
-        The corners with their target, and what became of grids; None where markers have the names.
-
-    """
-    if targets[0].has_markers:
-        none = quick_detect_markers(np.zeros((1, 1), np.uint8), targets[0])
-        marked = [one if isinstance(one, MarkedCorners) else none for one in found]
-        return marked_corners(marked, targets[0], size, names), None
-    grids = [
-        one.grids if isinstance(one, FoundGrids) and one.image_size == size else () for one in found
-    ]
-    named = [name_grids(grids, target, size, names) for target in targets]
-    best = max(named, key=lambda one: len(one.corners.pixel))
-    return best.corners, best
+    best = {int(one.board[0]): one for one in sorted(chain(*(p.each() for p in parts)), key=len)}
+    return coarse.with_corners_of([best[board] for board in sorted(best)])

@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish import CubicfishError, OutputError, Run, UsageError
-from cubicfish.files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN
-from cubicfish.wording import plural
-from cubicfish_cli.inputs.paths import in_folder, path_or_none
+from cubicfish.files import StrPath, write_files
+from cubicfish_cli.inputs.paths import calibration_files, in_folder, path_or_none
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_message, print_wrote, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.advice.advise import Advice
@@ -77,7 +77,7 @@ class AdviceFiles:
         return {**self.advice.as_record(), "model": self.model, "picture": self.picture}
 
 
-def advise_files(options: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
+def advise_files(options: AdviseOptions, *, run: Run = Run()) -> AdviceFiles:
     """Find what the photos of a calibration leave open, as ``cubicfish advise`` does.
 
     Raises:
@@ -91,15 +91,17 @@ def advise_files(options: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
     from cubicfish_cli.inputs.calibration_facts import facts_of_files
 
     drawing, given, drawn = map(path_or_none, (options.picture, options.corners, options.target))
+    path = in_folder(Path(options.camera))
+    plan = Plan(run).reads(calibration_files(path), drawn, given)
     if drawing is not None and drawing.suffix.lower() not in _PICTURES:
         raise OutputError(f"{drawing}: end the name in {', '.join(_PICTURES)}")
     if run.overwrite and drawing is None:
         raise UsageError("--overwrite goes with -o, which writes a file: leave it out")
     if drawing is not None:
         extra.require(extra.PRINTING, "a picture")
-        refuse_existing(drawing, overwrite=run.overwrite)
-    path = in_folder(Path(options.camera))
+        plan.writes(drawing)
     facts = facts_of_files(path, target=drawn, photos=(), corners=given)
+    plan.reads(facts.sources)
     if given is not None and facts.target is None:
         raise UsageError("name the target of these corners with --target target.yaml")
     if not isinstance(facts.known, Calibrated):
@@ -149,6 +151,7 @@ def command(made: AdviceFiles, given: AdviseOptions, how: How) -> None:
 
 def _print(advice: Advice) -> None:
     from cubicfish_cli.words.camera import COVERED, uncertainty_meaning
+    from cubicfish_cli.words.sentences import render
 
     pairs = advice.pairs
     result(f"{plural(len(pairs.images), 'photo')}, {plural(len(pairs.pixel), 'corner')}")
@@ -161,7 +164,7 @@ def _print(advice: Advice) -> None:
         result("Enough: more photos are not needed.")
         result("Smaller uncertainty can be asked for with --goal.\n")
     else:
-        result("Not enough: " + "; ".join(reason.why for reason in advice.reasons) + ".")
+        result("Not enough: " + "; ".join(render(reason).why for reason in advice.reasons) + ".")
         result(_describe_how_many(advice))
         _print_gaps(advice)
         if advice.proposals:
@@ -175,7 +178,7 @@ def _print(advice: Advice) -> None:
         if advice.proposals:
             result()
     for note in advice.notes:
-        print_message(f"note: {note}")
+        print_message(f"note: {render(note).line}")
 
 
 def _describe_how_many(advice: Advice) -> str:
@@ -193,13 +196,13 @@ def _describe_how_many(advice: Advice) -> str:
 
 
 def _print_gaps(advice: Advice) -> None:
-    from cubicfish_cli.words.sufficiency import part_words
+    from cubicfish_cli.words.sufficiency import gap_words
 
-    parts = advice.gaps.parts
+    parts = gap_words(advice.gaps)
     if parts:
         result("No corners here:")
         for part in parts[:_MOST_PARTS]:
-            result(f"  {part_words(part)}")
+            result(f"  {part}")
         if len(parts) > _MOST_PARTS:
             result(f"  and {plural(len(parts) - _MOST_PARTS, 'smaller part')}")
         result()

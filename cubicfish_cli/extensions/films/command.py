@@ -12,15 +12,15 @@ import click
 
 from cubicfish import Event, PhotoError, Run
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
-from cubicfish.wording import plural
 from cubicfish_cli.films import MOST
 from cubicfish_cli.inputs.paths import paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record, target_options
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_next, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Target
@@ -78,7 +78,7 @@ class ChosenFrames:
         return dict(vars(self))
 
 
-def choose_frames(options: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
+def choose_frames(options: FramesOptions, *, run: Run = Run()) -> ChosenFrames:
     """Choose the frames of films that a camera is best calibrated from, as ``cubicfish frames``.
 
     They are written as PNG, with their time in the name, beside a contact sheet: all files or none.
@@ -90,19 +90,20 @@ def choose_frames(options: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
             not installed.
 
     """
-    from cubicfish.files import refuse_existing
     from cubicfish_cli.extensions.films.frames import chosen_of, scanned
     from cubicfish_cli.extensions.films.written import SHEET, write_chosen
     from cubicfish_cli.films.scan import room_for_frames
     from cubicfish_cli.films.source import open_films
 
     folder, source = Path(options.folder), TargetSource.of(options.target)
+    plan = Plan(run).reads(options.films, source)
+    plan.writes(folder / SHEET)
     targets = source.load(run.listener) if source.is_known else None
     films = open_films(_expand(options.films))
-    refuse_existing(folder / SHEET, overwrite=run.overwrite)
     with room_for_frames(folder) as room:
         measured = scanned(films, room, options.most, run.listener)
         chosen = chosen_of(measured, targets, options.most, run)
+        plan.writes(*(folder / frame.photo.name for frame in chosen.taken), within=folder)
         run.listener.progress("Writing frames")
         write_chosen(folder, chosen, overwrite=run.overwrite)
     return ChosenFrames(
@@ -180,7 +181,7 @@ def command(chosen: ChosenFrames, given: FramesOptions, how: How) -> None:
     The chosen frames are sharp and still, and each shows something that the others do not: corners
     in another part of the picture, or a board from another side.
     """
-    from cubicfish.photos import shown
+    from cubicfish import shown
 
     if not how.print(chosen):
         _print(chosen, given)

@@ -5,14 +5,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from cubicfish import DetectionError, Listener, Run, Target
-from cubicfish.files.frame_names import frame_name
-from cubicfish.photos import Photo, shown
-from cubicfish.wording import listed, plural
+from cubicfish import DetectionError, Listener, Run, Target, listed, shown
+from cubicfish.files import FrameName
+from cubicfish.observe import Glances
+from cubicfish.photos import Photo
 from cubicfish_cli.films.choose import Scale, Seen
 from cubicfish_cli.films.frame_search import Search, why_ended
 from cubicfish_cli.films.scan import Measured, report_film, scan, still_px
 from cubicfish_cli.films.source import Film
+from cubicfish_cli.words.phrases import plural
 
 # So many frames are kept for each that may be chosen, at least one every so many seconds, and at
 # most so many.
@@ -95,16 +96,14 @@ def chosen_of(
     scale = Scale.of([frame.seen for frame in frames], still_px(size))
     worse = [at for at, frame in enumerate(frames) if scale.is_spoilt(frame.seen)]
     search = Search(
-        photos=[frame.photo for frame in frames],
+        glances=Glances(photos=[frame.photo for frame in frames], size=size, is_film=True),
         seen=[frame.seen for frame in frames],
-        size=size,
         most=most,
         targets=targets,
         run=run,
         what="frames",
         at_once=_ROUND,
         quick_jobs=1,
-        is_film=True,
     )
     try:
         search.search([at for at in range(len(frames)) if at not in worse], worse)
@@ -114,7 +113,7 @@ def chosen_of(
                 "a board in view, whole squares of it, sharp and not covered?"
             )
     except DetectionError as error:
-        raise DetectionError(f"no frame can be chosen of {names_of(measured)}: {error}") from error
+        raise error.amid(f"no frame can be chosen of {names_of(measured)}: ") from error
     gains = sorted(zip(search.choice.order, search.choice.gain, strict=True))
     return Chosen(
         measured=measured,
@@ -130,7 +129,7 @@ def _list_candidates(measured: Sequence[Measured]) -> list[Candidate]:
     for number, film in enumerate(measured):
         taken = set()
         for index in sorted(film.kept):
-            name = frame_name(film.film.label, film.time[index])
+            name = str(FrameName(film.film.label, film.time[index]))
             if name in taken:  # less than a millisecond apart
                 name += f"_{index}"
             taken.add(name)

@@ -8,12 +8,11 @@ from html import escape
 from pathlib import Path
 
 from cubicfish import read_picture
-from cubicfish.files import Content, write_files
-from cubicfish.files.frame_names import film_and_time
+from cubicfish.files import Content, FrameName, write_files
 from cubicfish.photos.photos import data_uri, thumbnail
-from cubicfish.wording import plural
 from cubicfish_cli.extensions.films.frames import Chosen, names_of
 from cubicfish_cli.films.scan import copy_as_png
+from cubicfish_cli.words.phrases import plural
 
 SHEET = "contact_sheet.html"
 _LONGEST, _QUALITY = 240, 80
@@ -54,7 +53,7 @@ def write_chosen(folder: Path, chosen: Chosen, *, overwrite: bool) -> None:
     obsolete = [
         path
         for path in folder.glob("*.png")
-        if overwrite and path not in files and (film_and_time(path.name) or ("",))[0] in films
+        if overwrite and path not in files and (FrameName.read(path.name) or ("",))[0] in films
     ]
     write_files(files, overwrite=overwrite, obsolete=obsolete, folder=folder)
 

@@ -7,16 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish import Run
+from cubicfish import Run, listed
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
-from cubicfish.wording import listed, plural
 from cubicfish_cli.inputs.paths import paths_of
 from cubicfish_cli.inputs.target_source import target_in
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_message, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Target
@@ -64,7 +64,7 @@ class CornersOptions:
     only: str | None = option("--only GLOB", "Only photos whose names match, such as 'left*'.")
 
 
-def import_corner_files(options: CornersOptions, *, run: Run = RUN) -> ImportedCorners:
+def import_corner_files(options: CornersOptions, *, run: Run = Run()) -> ImportedCorners:
     """Write corners that another detector found as corners.csv, as ``cubicfish corners`` does.
 
     Raises:
@@ -73,11 +73,10 @@ def import_corner_files(options: CornersOptions, *, run: Run = RUN) -> ImportedC
 
     """
     from cubicfish import save_corners
-    from cubicfish.files import refuse_existing
     from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
 
     goal = Path(options.table)
-    refuse_existing(goal, overwrite=run.overwrite)
+    Plan(run).reads(options.files, options.target).writes(goal)
     read = read_vnlogs(
         paths_of(options.files),
         target_in(options.target),

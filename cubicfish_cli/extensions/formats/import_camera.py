@@ -11,8 +11,8 @@ import click
 
 from cubicfish import Run
 from cubicfish.files import StrPath
-from cubicfish.run import RUN, made_at, made_by_record
 from cubicfish_cli.extension_guard import read_formats
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.terminal.progress import How
@@ -71,7 +71,7 @@ class ImportOptions:
     )
 
 
-def import_files(options: ImportOptions, *, run: Run = RUN) -> Imported:
+def import_files(options: ImportOptions, *, run: Run = Run()) -> Imported:
     """Write another tool's camera as camera.yaml, as ``cubicfish import`` does.
 
     Raises:
@@ -79,14 +79,13 @@ def import_files(options: ImportOptions, *, run: Run = RUN) -> Imported:
             replaced.
 
     """
-    from cubicfish.files import refuse_existing
-    from cubicfish.files.fingerprint import fingerprint
+    from cubicfish.files import Fingerprint
     from cubicfish_cli.extensions.formats.importing import import_camera
 
-    made_at()  # an unusable date is an error before the work, not after
+    run.date()  # an unusable date is an error before the work, not after
     goal = Path(options.output)
-    refuse_existing(goal, overwrite=run.overwrite)
-    source = fingerprint(Path(options.path))
+    Plan(run).reads(options.path).writes(goal)
+    source = Fingerprint.of(Path(options.path))
     run.listener.progress("Fitting the cubic camera to the lens")
     imported = import_camera(
         options.path,
@@ -95,7 +94,7 @@ def import_files(options: ImportOptions, *, run: Run = RUN) -> Imported:
         image_size=options.image_size,
         max_angle_deg=options.max_angle_deg,
     )
-    made_by = {**made_by_record(run.command, {}, None, [source]), **imported.made_by}
+    made_by = {**run.made_by({}, files=[source]), **imported.made_by}
     imported = replace(imported, made_by=made_by, file=goal)
     imported.save(goal, overwrite=run.overwrite)
     return imported

@@ -10,10 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish import CameraFileError
+from cubicfish import CameraFileError, quoted
 from cubicfish.files.plain_yaml import load_plain_yaml
 from cubicfish.models import Lens, RadialCamera
-from cubicfish.wording import quoted
 from cubicfish_cli.extensions.formats.lenses import (
     DoubleSphereLens,
     PinholeLens,

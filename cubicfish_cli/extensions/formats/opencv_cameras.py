@@ -22,12 +22,10 @@ from xml.parsers import expat
 
 import numpy as np
 
-from cubicfish import CameraFileError, FloatArray
+from cubicfish import CameraFileError, FloatArray, quoted
 from cubicfish.files import read_text
 from cubicfish.files.plain_yaml import MAX_DEPTH, mapping, parse_plain_yaml
-from cubicfish.models import Lens, RadialCamera
-from cubicfish.models.formula_lens import FocalLens
-from cubicfish.wording import quoted
+from cubicfish.models import FocalLens, Lens, RadialCamera
 from cubicfish_cli.extensions.formats.lenses import (
     PINHOLE,
     PinholeLens,

@@ -29,11 +29,18 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish import BoolArray, CorrespondenceError, FloatArray, IntArray, Observations, Target
+from cubicfish import (
+    BoolArray,
+    CorrespondenceError,
+    FloatArray,
+    IntArray,
+    Observations,
+    Target,
+    quoted,
+)
 from cubicfish.files import csv_text, read_text
 from cubicfish.files.tables import Table, parse_table
 from cubicfish.target.observations import no_such_board
-from cubicfish.wording import quoted
 
 MAX_BYTES = 200_000_000
 MAX_LINES = 5_000_000

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from cubicfish import Event, Run, UsageError
-from cubicfish.files import Content, StrPath, refuse_existing, write_files
-from cubicfish.run import RUN
-from cubicfish.wording import plural
+from cubicfish.files import Content, StrPath, write_files
 from cubicfish_cli import __version__
 from cubicfish_cli.inputs.target_source import length_mm, target_in
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import COUNTS, as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_message, print_table, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.printing.layout import Page
@@ -145,7 +145,7 @@ class PrintedFiles:
         return {**self.files, "paper": self.paper.name, "pages": pages}
 
 
-def print_target_files(options: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
+def print_target_files(options: PrintOptions, *, run: Run = Run()) -> PrintedFiles:
     """Print the boards of a target, or of a new one, as ``cubicfish target print`` does.
 
     Raises:
@@ -183,7 +183,7 @@ def print_target_files(options: PrintOptions, *, run: Run = RUN) -> PrintedFiles
 
     contents = {"boards": lambda path: write_boards(path, pages), **contents}
     outputs = {name: Path(options.folder) / NAMES[name] for name in contents}
-    refuse_existing(*outputs.values(), overwrite=run.overwrite)
+    Plan(run).reads(options.target).writes(*outputs.values())
     run.listener.progress(f"Drawing {plural(len(pages), 'page')}")
     files = {path: contents[name] for name, path in outputs.items()}
     write_files(files, overwrite=run.overwrite, folder=Path(options.folder))

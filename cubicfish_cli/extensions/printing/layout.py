@@ -5,10 +5,9 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Literal
 
-from cubicfish import Target, TargetError
+from cubicfish import Target, TargetError, quoted
 from cubicfish.target import Board
 from cubicfish.units import MILLIMETRES
-from cubicfish.wording import quoted
 from cubicfish_cli.extensions.printing.paper import Paper
 from cubicfish_cli.render.board_faces import board_face
 

@@ -3,8 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from cubicfish import TargetError
-from cubicfish.wording import did_you_mean, quoted
+from cubicfish import TargetError, did_you_mean, quoted
 from cubicfish_cli.inputs.target_source import length_mm
 
 # Width and height in millimetres, upright: ISO 216 and ANSI.

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cubicfish import Run
-from cubicfish.files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN
-from cubicfish_cli.inputs.paths import in_folder, path_or_none
+from cubicfish.files import StrPath, write_files
+from cubicfish_cli.inputs.paths import calibration_files, in_folder, path_or_none
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.render.pages import PAGE
 from cubicfish_cli.render.pages.report_files import ReportFiles
@@ -44,7 +44,7 @@ class ReportOptions:
     )
 
 
-def report_files(options: ReportOptions, *, run: Run = RUN) -> ReportFiles:
+def report_files(options: ReportOptions, *, run: Run = Run()) -> ReportFiles:
     """Write a page about a camera, as ``cubicfish report`` does.
 
     Raises:
@@ -55,12 +55,14 @@ def report_files(options: ReportOptions, *, run: Run = RUN) -> ReportFiles:
     extra.require(extra.REPORT, "a report")
     model, target = in_folder(Path(options.camera)), path_or_none(options.target)
     path = path_or_none(options.page) or model.parent / PAGE
-    refuse_existing(path, overwrite=run.overwrite)
+    plan = Plan(run).reads(calibration_files(model), target, options.photos)
+    plan.writes(path)
     from cubicfish_cli.extensions.report.page import report_html
     from cubicfish_cli.inputs.calibration_facts import facts_of_files
 
     run.listener.progress("Making the report")
     facts = facts_of_files(model, target=target, photos=list(map(Path, options.photos)))
+    plan.reads(facts.sources)
     write_files({path: report_html(facts)}, overwrite=run.overwrite)
     return ReportFiles(page=path, model=model, verdict=facts.known.verdict, absent=facts.absent)
 

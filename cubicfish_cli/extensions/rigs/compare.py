@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import px
 from cubicfish_cli.terminal.parameters import as_command, record
@@ -16,7 +15,7 @@ from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_table, result
 
 if TYPE_CHECKING:
-    from cubicfish.rigs.compare import ComparedCamera
+    from cubicfish.rigs import ComparedCamera
 
 
 @record
@@ -55,7 +54,7 @@ class ComparedRigFiles:
         return {"units": self.units, "cameras": [one.as_record() for one in self.cameras]}
 
 
-def compare_rig_files(options: RigCompareOptions, *, run: Run = RUN) -> ComparedRigFiles:
+def compare_rig_files(options: RigCompareOptions, *, run: Run = Run()) -> ComparedRigFiles:
     """Say how far apart two rigs are, camera by camera, as ``cubicfish rig compare`` does.
 
     Raises:

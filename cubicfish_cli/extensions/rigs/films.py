@@ -19,16 +19,17 @@ from cubicfish import (
     Run,
     Target,
 )
-from cubicfish.files import Content, csv_text, refuse_existing, write_files
-from cubicfish.files.frame_names import frame_name
+from cubicfish.files import Content, FrameName, csv_text, write_files
+from cubicfish.observe import find_corners
 from cubicfish.photos import Photo, read_grey
-from cubicfish.rigs.times import Moving
+from cubicfish.rigs import CornerMotion
 from cubicfish_cli.extensions.rigs.film_clocks import FilmMotion, match_films
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out
 from cubicfish_cli.films.choose import Seen, choose_shots
-from cubicfish_cli.films.frame_search import found_in, why_ended
+from cubicfish_cli.films.frame_search import Found, why_ended
 from cubicfish_cli.films.scan import Measured, report_film, scan, still_px
 from cubicfish_cli.films.source import open_films
+from cubicfish_cli.plan import Plan
 
 # Of so many moments for each that may be chosen the corners are looked for.
 _LOOKED_AT = 2
@@ -56,7 +57,9 @@ class ShotFrame:
     seconds: tuple[float, float]
 
 
-def moving_corners(frames: Sequence[ShotFrame], pairs: Observations, listener: Listener) -> Moving:
+def measure_motion(
+    frames: Sequence[ShotFrame], pairs: Observations, listener: Listener
+) -> CornerMotion:
     """How the corners move that were found in a camera's frames."""
     frame_of = {one.picture.name: one for one in frames}
     parts, progress = [], listener.counting(f"Measuring motion in {frames[0].camera}")
@@ -67,9 +70,9 @@ def moving_corners(frames: Sequence[ShotFrame], pairs: Observations, listener: L
         ways = [
             None if one is None else flow(picture, read_grey(one), pixel) for one in frame.beside
         ]
-        moving = Moving.between(ways[0], ways[1], frame.seconds)
+        moving = CornerMotion.between(ways[0], ways[1], frame.seconds)
         parts.append(replace(moving, late=np.full(len(pixel), frame.late)))
-    return Moving.joined(parts)
+    return CornerMotion.joined(parts)
 
 
 @contextmanager
@@ -80,8 +83,8 @@ def keeping_frames(frames: Sequence[ShotFrame], folder: Path) -> Iterator[None]:
     except CubicfishError as error:
         if not frames:
             raise
-        raise type(error)(
-            f"{error}; the chosen frames stay in {folder}: go on from its folders with '--shots "
+        raise error.amid(
+            after=f"; the chosen frames stay in {folder}: go on from its folders with '--shots "
             f"{folder / 'shots.csv'}'"
         ) from error
 
@@ -92,6 +95,7 @@ def rig_frames(
     room: Path,
     targets: Sequence[Target],
     run: Run,
+    plan: Plan,
     *,
     most: int,
     tolerance: float | None,
@@ -104,6 +108,7 @@ def rig_frames(
         room: a folder for frames that are needed until it is known how corners move.
         targets: the calibration target, or what it may be.
         run: how the work is done.
+        plan: what is read and written.
         most: how many moments are chosen at most.
         tolerance: how far apart frames of a moment may be, seconds; None for half a frame.
 
@@ -111,7 +116,7 @@ def rig_frames(
         CubicfishError: a film cannot be used, films share no time, or show no board.
 
     """
-    refuse_existing(folder / "shots.csv", overwrite=run.overwrite)
+    plan.writes(folder / "shots.csv")
     measured = {}
     for name, path in films.items():
         (film,) = open_films([path])
@@ -134,7 +139,7 @@ def rig_frames(
             one.film, taken[name], run.listener.counting(f"Taking frames of {one.film.path.name}")
         )
     chosen = _choose(measured, found, taken, targets, most, run)
-    return _write(measured, found, taken, chosen, folder, overwrite=run.overwrite)
+    return _write(measured, found, taken, chosen, folder, plan, overwrite=run.overwrite)
 
 
 def find_ahead(measured: Mapping[str, Measured], listener: Listener) -> list[float]:
@@ -176,10 +181,11 @@ def _choose(
         frames = found.frame[rows, column].tolist()
         photos = [Photo(name=f"{name} {index}", path=taken[name][index]) for index in frames]
         try:
-            work = run.work(f"Finding corners in {name}")
-            patches = found_in(photos, targets, work, run.cache).patches
+            step = f"Finding corners in {name}"
+            detection = find_corners(photos, targets, run, again=False, step=step)
         except DetectionError as error:
-            raise DetectionError(f"camera {name}: no frame can be chosen: {error}") from error
+            raise error.amid(f"camera {name}: no frame can be chosen: ") from error
+        patches = Found.of(detection).patches
         for row, index, photo in zip(rows, frames, photos, strict=True):
             shots[row][column] = Seen(
                 patches=patches.get(photo.name, ()),
@@ -202,6 +208,7 @@ def _write(
     taken: Mapping[str, Mapping[int, Path]],
     chosen: Mapping[int, Sequence[int]],
     folder: Path,
+    plan: Plan,
     *,
     overwrite: bool,
 ) -> list[ShotFrame]:
@@ -212,7 +219,7 @@ def _write(
     for row, column in ((row, column) for row, showing in chosen.items() for column in showing):
         name, film = films[column]
         index = int(found.frame[row, column])
-        picture = folder / name / f"{frame_name(name, film.time[index])}.png"
+        picture = folder / name / f"{FrameName(name, film.time[index])}.png"
         if picture in sources:
             continue  # one frame for two moments
         sources[picture] = taken[name][index]
@@ -221,7 +228,7 @@ def _write(
         )
         frames.append(
             ShotFrame(
-                shot=frame_name("shot", float(found.time[row]) - start),
+                shot=str(FrameName("shot", float(found.time[row]) - start)),
                 camera=name,
                 picture=picture,
                 late=float(found.late[row, column]),
@@ -235,6 +242,7 @@ def _write(
                 f"camera {name}: no board was found in any frame that was chosen: is one in view "
                 "while the others see the target too?"
             )
+    plan.writes(*sources, within=folder)
     table = folder / "shots.csv"
     rows = [(one.shot, one.camera, one.picture.name) for one in frames]
     files: dict[Path, Content] = {table: csv_text([("shot", "camera", "image"), *rows])}

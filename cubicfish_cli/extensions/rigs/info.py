@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
 from cubicfish_cli.extensions.rigs.options import rig_argument
 from cubicfish_cli.extensions.rigs.printed import print_rig
 from cubicfish_cli.terminal.parameters import as_command, record
@@ -44,7 +43,7 @@ class RigInfo:
         return {"model": self.model, "rig": plain}
 
 
-def info_rig_files(options: RigInfoOptions, *, run: Run = RUN) -> RigInfo:
+def info_rig_files(options: RigInfoOptions, *, run: Run = Run()) -> RigInfo:
     """Say what a rig is, as ``cubicfish rig info`` does.
 
     Raises:
@@ -52,10 +51,9 @@ def info_rig_files(options: RigInfoOptions, *, run: Run = RUN) -> RigInfo:
 
     """
     from cubicfish import load_rig
-    from cubicfish.rigs.rig import rig_file
 
-    path = rig_file(options.rig)
-    return RigInfo(model=path, rig=load_rig(path))
+    rig = load_rig(options.rig)
+    return RigInfo(model=rig.files[0], rig=rig)
 
 
 @as_command(

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
-
 from cubicfish import Run
-from cubicfish.files import StrPath, refuse_existing, write_files
-from cubicfish.run import RUN
+from cubicfish.files import StrPath, write_files
 from cubicfish_cli.extensions.rigs.options import rig_argument
 from cubicfish_cli.inputs.paths import path_or_none
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.render.pages import PAGE
 from cubicfish_cli.render.pages.report_files import ReportFiles
@@ -17,9 +14,6 @@ from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import print_report
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
-
-if TYPE_CHECKING:
-    from cubicfish import Verdict
 
 
 @record
@@ -38,7 +32,7 @@ class RigReportOptions:
     )
 
 
-def report_rig_files(options: RigReportOptions, *, run: Run = RUN) -> ReportFiles:
+def report_rig_files(options: RigReportOptions, *, run: Run = Run()) -> ReportFiles:
     """Write a page about a rig, as ``cubicfish rig report`` does.
 
     Raises:
@@ -46,30 +40,16 @@ def report_rig_files(options: RigReportOptions, *, run: Run = RUN) -> ReportFile
             exists and may not be replaced.
 
     """
-    from cubicfish.rigs.rig import rig_file
-
-    extra.require(extra.REPORT, "a report")
-    model = rig_file(options.rig)
-    path = path_or_none(options.page) or model.parent / PAGE
-    refuse_existing(path, overwrite=run.overwrite)
-    return ReportFiles(page=path, model=model, verdict=write_rig_page(model, path, run))
-
-
-def write_rig_page(rig: Path, page: Path, run: Run) -> Verdict:
-    """Write the page about a rig's file, and judge the rig.
-
-    Raises:
-        CameraFileError: the rig cannot be read.
-        OutputError: the page is there, or cannot be written.
-
-    """
     from cubicfish import load_rig
     from cubicfish_cli.extensions.rigs.page import rig_html
 
-    loaded = load_rig(rig)
+    extra.require(extra.REPORT, "a report")
+    rig = load_rig(options.rig)
+    path = path_or_none(options.page) or rig.files[0].parent / PAGE
+    Plan(run).reads(rig.files).writes(path)
     run.listener.progress("Making the report")
-    write_files({page: rig_html(loaded)}, overwrite=run.overwrite)
-    return loaded.verdict
+    write_files({path: rig_html(rig)}, overwrite=run.overwrite)
+    return ReportFiles(page=path, model=rig.files[0], verdict=rig.verdict)
 
 
 @as_command(

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish import OutputError, Run, UsageError
+from cubicfish import OutputError, Run, UsageError, did_you_mean, quoted
 from cubicfish.files import StrPath
-from cubicfish.run import RUN
-from cubicfish.wording import did_you_mean, plural, quoted
 from cubicfish_cli.inputs.target_source import target_in
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, bundle, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_next, print_wrote, result
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import CubicCamera, Target
@@ -170,7 +170,7 @@ class SimulatedFiles:
         return {**{name: getattr(self, name) for name in named}, **self.truth}
 
 
-def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
+def simulate_files(options: SimulateOptions, *, run: Run = Run()) -> SimulatedFiles:
     """Render photos of a target beside their truth, as ``cubicfish simulate`` does.
 
     The poses fill the camera's field. All files are written, or none.
@@ -196,6 +196,10 @@ def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFile
     from cubicfish_cli.viewpoints.truth import pose_table_text, true_corners_text
     from cubicfish_cli.viewpoints.views import NearLens
 
+    folder = Path(options.folder)
+    truth = [folder / name for name in ("true_corners.csv", "true_poses.csv", "true_camera.yaml")]
+    plan = Plan(run).reads(options.target, options.camera, options.poses)
+    plan.writes(*truth)
     thing, look, listener = target_in(options.target), options.look, run.listener
     listener.progress("Choosing where to take photos from")
     made_by, known = {"command": "simulate"}, options.camera
@@ -206,7 +210,7 @@ def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFile
     lens = NearLens(camera=camera) if camera.pupil_travel else camera
     if any(board.shape is not None for board in thing.boards):
         listener.tell(Event.RENDERED_FLAT)
-    folder, flat = Path(options.folder), thing.with_flat_boards()
+    flat = thing.with_flat_boards()
     if options.poses is None:
         chosen = chosen_poses(thing, lens, size, options.number or 12, seed=look.seed)
         digits = max(2, len(str(len(chosen))))
@@ -217,11 +221,10 @@ def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFile
     corners = true_corners_text(flat, lens, named, size)
     if corners.count("\n") <= 2:
         raise OutputError("no photo shows a corner: check the poses, the target and its units")
-    texts: dict[Path, Content] = {
-        folder / "true_corners.csv": corners,
-        folder / "true_poses.csv": pose_table_text(named),
-        folder / "true_camera.yaml": camera_text(camera, fit=FitRecord(), made_by=made_by),
-    }
+    plan.writes(*(folder / name for name in named), within=folder)
+    about_camera = camera_text(camera, fit=FitRecord(), made_by=made_by)
+    contents = (corners, pose_table_text(named), about_camera)
+    texts: dict[Path, Content] = dict(zip(truth, contents, strict=True))
     pictures = plural(len(named), "photo")
     listener.tell(Event.RENDERING, pictures=pictures, width=size[0], height=size[1])
     listener.progress(_RENDERING)

@@ -16,9 +16,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import CorrespondenceError, FloatArray, IntArray, Target, TargetError
+from cubicfish import CorrespondenceError, FloatArray, IntArray, Target, TargetError, quoted
 from cubicfish.angles import angle_from_axis
-from cubicfish.wording import quoted
 from cubicfish_cli.viewpoints.truth import Pose, load_poses, nearest, plates, rotation_matrix
 from cubicfish_cli.viewpoints.views import WanderingPupil, WholeLens, choose_views, sample_views
 

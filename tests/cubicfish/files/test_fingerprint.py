@@ -6,18 +6,18 @@ from pathlib import Path
 import pytest
 
 from cubicfish.errors import CubicfishError
-from cubicfish.files.fingerprint import MAX_BYTES, fingerprint, sha256_of
+from cubicfish.files.fingerprint import MAX_BYTES, Fingerprint
 
 
 def test_sha256_is_of_the_bytes(tmp_path: Path) -> None:
     path = tmp_path / "a.bin"
     path.write_bytes(b"\r\n\0")
-    assert sha256_of(path) == hashlib.sha256(b"\r\n\0").hexdigest()
+    assert Fingerprint.of(path).sha256 == hashlib.sha256(b"\r\n\0").hexdigest()
 
 
 def test_a_file_that_is_not_there_has_no_fingerprint(tmp_path: Path) -> None:
     with pytest.raises(CubicfishError, match=r"none\.csv does not exist"):
-        fingerprint(tmp_path / "none.csv")
+        Fingerprint.of(tmp_path / "none.csv")
 
 
 def test_a_file_that_is_too_large_and_a_folder_have_none(tmp_path: Path) -> None:
@@ -25,6 +25,6 @@ def test_a_file_that_is_too_large_and_a_folder_have_none(tmp_path: Path) -> None
     with large.open("wb") as file:
         file.truncate(MAX_BYTES + 1)  # a hole, which takes no room
     with pytest.raises(CubicfishError, match=r"large\.bin is larger than 2 GB"):
-        fingerprint(large)
+        Fingerprint.of(large)
     with pytest.raises(CubicfishError, match="is not a file"):
-        fingerprint(tmp_path)
+        Fingerprint.of(tmp_path)

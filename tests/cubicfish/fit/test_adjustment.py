@@ -8,7 +8,8 @@ import synthetic
 from scipy.linalg import block_diag
 
 from cubicfish.errors import FitError
-from cubicfish.fit.cubic_fit import PriorChoice, fit_cubic
+from cubicfish.fit.cubic_fit import fit_cubic
+from cubicfish.fit.prior import Prior, bent_lens, ray_prior
 from cubicfish.fit.radial_reference import fit_radial, refit_radial
 from cubicfish.models.radial import RadialCamera
 from cubicfish.models.sphere import cone_rays
@@ -45,7 +46,7 @@ def pairs():
 
 @pytest.fixture(scope="module")
 def cubic(pairs):
-    return fit_cubic(fit_radial(pairs), PriorChoice(spread=0.01, weight=0.5))
+    return fit_cubic(fit_radial(pairs), Prior(spread=0.01, weight=0.5))
 
 
 def test_at_the_truth_residual_and_gradient_are_zero():
@@ -63,11 +64,11 @@ def test_a_bend_is_the_same_from_near_by(pairs):
     reference = fit_radial(pairs)
     again = refit_radial(reference, reference.pairs, reference.poses)
     rays = cone_rays(1.2, 100)
-    anew, near = (one.bent(1e-3)[0].project(rays) for one in (reference, again))
+    anew, near = (bent_lens(one, 1e-3)[0].project(rays) for one in (reference, again))
     np.testing.assert_allclose(near, anew, atol=2e-3)
     followed = again.followed(reference.pairs.world * 1.0)
-    assert followed.bent(1e-3)[0] is again.bent(1e-3)[0]
-    assert again.followed(reference.pairs.world).ray_prior(1e-3).lens is again.bent(1e-3)[0]
+    assert bent_lens(followed, 1e-3)[0] is bent_lens(again, 1e-3)[0]
+    assert ray_prior(again.followed(reference.pairs.world), 1e-3).lens is bent_lens(again, 1e-3)[0]
 
 
 def dense(normal, damping=0.0):

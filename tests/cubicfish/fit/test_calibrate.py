@@ -12,8 +12,9 @@ from cubicfish.comparison import aligned_difference
 from cubicfish.errors import FitError
 from cubicfish.fit import cubic_fit
 from cubicfish.fit.calibrate import calibrate
-from cubicfish.fit.cubic_fit import PriorChoice, fit_cubic
+from cubicfish.fit.cubic_fit import fit_cubic
 from cubicfish.fit.evaluate import evaluate
+from cubicfish.fit.prior import Prior
 from cubicfish.fit.radial_reference import fit_radial
 from cubicfish.models.cubic import pole_or_fold_deg
 from cubicfish.models.radial import RadialCamera
@@ -268,7 +269,7 @@ def test_held_out_counts_what_a_fold_never_saw(pairs):
 
 
 def test_weak_prior_still_gives_a_sound_camera(pairs):
-    result = fit_cubic(fit_radial(pairs), PriorChoice(spread=0.01, weight=1e-4))
+    result = fit_cubic(fit_radial(pairs), Prior(spread=0.01, weight=1e-4))
     assert pole_or_fold_deg(result.lens.P, result.max_angle_deg) is None
     assert result.prior.weight >= 1e-4
 
@@ -285,12 +286,12 @@ def test_a_pole_ties_p_closer_to_the_radial_reference(pairs, monkeypatch):
         return angle_deg - 1 if len(checked) in (2, 4) else real
 
     monkeypatch.setattr(cubic_fit, "pole_or_fold_deg", fold_twice)
-    result = fit_cubic(reference, PriorChoice(spread=0.01, weight=0.2))
+    result = fit_cubic(reference, Prior(spread=0.01, weight=0.2))
     assert len(checked) == 6
     assert result.prior.weight == pytest.approx(2.0)
     monkeypatch.setattr(cubic_fit, "pole_or_fold_deg", lambda P, angle_deg: 50.0)
     with pytest.raises(FitError, match="folds at 50°"):
-        fit_cubic(reference, PriorChoice(spread=0.01, weight=1000.0))
+        fit_cubic(reference, Prior(spread=0.01, weight=1000.0))
 
 
 def test_a_lens_that_flattens_out_keeps_its_profile():
@@ -334,8 +335,8 @@ def test_p_is_held_firmly_only_as_far_from_the_axis_as_corners_are():
     nearest, farthest = np.rad2deg(reference.covered_angles)
     assert 54 < nearest < 56
     assert 102 < farthest < 103
-    prior = PriorChoice(spread=0.0, weight=3.0)
-    start, _ = next(cubic_fit.starts(reference, prior, None, reference.errors))
+    prior = Prior(spread=0.0, weight=3.0)
+    start, _ = next(prior.starts(reference, None, reference.errors))
     prior = start.ray_prior
     angle = np.rad2deg(np.arccos(prior.near.rays[:, 2]))
     held = (angle > nearest) & (angle < farthest)

@@ -9,8 +9,9 @@ from asymmetric_lens import AsymmetricLens
 from simulated import CornerErrors, simulated_corners
 
 from cubicfish.fit.calibrate import calibrate
-from cubicfish.fit.cubic_fit import EXPECTED, fit_cubic, starts
+from cubicfish.fit.cubic_fit import fit_cubic
 from cubicfish.fit.nearest_cubic import MARGIN_DEG, cone_angle, linear_cubic
+from cubicfish.fit.prior import EXPECTED, bent_lens
 from cubicfish.fit.radial_reference import fit_radial, refit_radial
 from cubicfish.models.cubic import pole_or_fold_deg
 from cubicfish.solve.adjustment import adjust
@@ -38,7 +39,7 @@ def test_a_pole_that_corners_miss_is_no_start(photos, seed):
     seen = seen.with_target(TARGET)
     reference = fit_radial(seen.with_world(seen.world / world_scale(seen)))
     cone = float(np.rad2deg(cone_angle(reference.camera, reference.covered, MARGIN_DEG)))
-    near, (bent, _) = reference.cubic, reference.bent(EXPECTED.spread)
+    near, (bent, _) = reference.cubic, bent_lens(reference, EXPECTED.spread)
     weights = np.where(near.within, 1.0, 0.1)
     most_exact = linear_cubic(
         near.rays,
@@ -114,7 +115,7 @@ def test_a_narrow_camera_is_no_worse_than_its_radial_lens(width_deg):
     limit, world = huber_px(fit.errors), fit.world
     ends = [
         adjust(lens, poses, fit.reference.pairs, huber_px=limit, world=world).cost
-        for lens, poses in starts(fit.reference, fit.prior, fit, fit.errors)
+        for lens, poses in fit.prior.starts(fit.reference, fit, fit.errors)
     ]
     assert len(ends) == 5
     assert ends == pytest.approx([ends[0]] * 5, rel=1e-3)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from cubicfish.files.frame_names import film_and_time, frame_name
+from cubicfish.files.frame_names import FrameName
 from cubicfish.fit.folds import dealt
 from cubicfish_cli.words.phrases import counted
 
 
 def frames(film, *seconds):
-    return [f"{frame_name(film, second)}.png" for second in seconds]
+    return [f"{FrameName(film, second)}.png" for second in seconds]
 
 
 def test_frames_are_left_out_in_blocks_of_time():
@@ -52,26 +52,26 @@ def test_no_part_takes_many_more_than_its_share(seed):
 
 @pytest.mark.parametrize("seconds", [0, 0.001, 59.9994, 3599, 123456.789])
 def test_a_frame_keeps_its_film_and_time(seconds):
-    film, time = film_and_time(f"{frame_name('my_film_2', seconds)}.png")
+    film, time = FrameName.read(f"{FrameName('my_film_2', seconds)}.png")
     assert film == "my_film_2"
     assert time == pytest.approx(seconds, abs=6e-4)
 
 
 def test_a_frame_of_the_same_millisecond_is_one_too():
-    assert film_and_time(frame_name("f", 1) + "_17.png") == ("f", 1.0)
+    assert FrameName.read(f"{FrameName('f', 1)}_17.png") == ("f", 1.0)
 
 
 @pytest.mark.parametrize("name", ["IMG_0012.jpg", "f_12.5s.png", "_s.png", "000001.000s.png"])
 def test_other_names_are_photos(name):
-    assert film_and_time(name) is None
+    assert FrameName.read(name) is None
 
 
 def test_frames_are_counted_by_film_and_photos_as_photos() -> None:
-    frames = [frame_name("garden", n) + ".png" for n in range(3)]
+    frames = [f"{FrameName('garden', n)}.png" for n in range(3)]
     assert counted(["a.jpg", "b.jpg"]) == "2 photos"
     assert counted([]) == "0 photos"
     assert counted(frames) == "3 frames of garden"
-    other = frame_name("lab", 1.0) + ".png"
+    other = f"{FrameName('lab', 1.0)}.png"
     assert counted([other, *frames, "a.jpg"]) == "4 frames of lab, garden and 1 photo"
-    many = [frame_name(f"film{n}", 0.0) + ".png" for n in range(4)]
+    many = [f"{FrameName(f'film{n}', 0.0)}.png" for n in range(4)]
     assert counted(many) == "4 frames of 4 films"

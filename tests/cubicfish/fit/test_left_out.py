@@ -8,17 +8,18 @@ import synthetic
 from lenses import radial_camera
 from scipy.special import bdtrc
 
-from cubicfish.fit.cubic_fit import (
+from cubicfish.fit.cubic_fit import fit_cubic
+from cubicfish.fit.folds import photo_folds
+from cubicfish.fit.held_out import held_out_error
+from cubicfish.fit.prior import (
     EXPECTED,
     SPREADS,
     WEIGHTS,
-    PriorChoice,
+    Prior,
     _choose_likeliest,
     choose_prior,
-    fit_cubic,
+    ray_prior,
 )
-from cubicfish.fit.folds import photo_folds
-from cubicfish.fit.held_out import held_out_error
 from cubicfish.fit.radial_reference import fit_radial
 from cubicfish.fit.refinement import refine_object
 from cubicfish.solve.adjustment import adjust
@@ -28,7 +29,7 @@ from cubicfish.solve.leave_one_out import LeaveOneOut
 from cubicfish.solve.statistics import huber_px, rms_px
 from cubicfish.solve.subset import select_photos, world_scale
 
-PRIOR = PriorChoice(spread=1e-3, weight=1.0)
+PRIOR = Prior(spread=1e-3, weight=1.0)
 FOLDS = [np.array([0, 3, 6]), np.array([1, 4, 7]), np.array([2, 5])]
 
 
@@ -107,11 +108,11 @@ def test_all_priors_at_once_are_as_one_by_one(reference, held):
     leave_one_out = LeaveOneOut(result, FOLDS)
     weights = np.array([10.0, 1.0, 0.01])
     for spread in (0.0, 1e-3, 1e-2):
-        ray_prior = reference.ray_prior(spread)
-        priors = replace(result.lens, ray_prior=ray_prior).priors(weights)
+        rays = ray_prior(reference, spread)
+        priors = replace(result.lens, ray_prior=rays).priors(weights)
         together = dict(leave_one_out.residuals(priors))
         for place, weight in enumerate(weights):
-            lens = replace(result.lens, ray_prior=replace(ray_prior, weight=weight))
+            lens = replace(result.lens, ray_prior=replace(rays, weight=weight))
             own = lens.prior()
             if weight == PRIOR.weight:
                 np.testing.assert_allclose(priors[place], own, atol=1e-6 * np.abs(own).max())
@@ -140,7 +141,7 @@ def test_what_a_group_put_in_is_what_is_not_left(reference, held):
 @pytest.mark.parametrize("times", [1e2, 1e5])
 def test_a_lens_that_no_bent_one_is_near_to_is_told_by_one_that_sees_all(reference, times, turned):
     """A few photos in the middle of a narrow lens may ask for any."""
-    prior = fit_cubic(reference, PriorChoice(spread=1e-2, weight=0.01), relative_decrease=1e-4)
+    prior = fit_cubic(reference, Prior(spread=1e-2, weight=0.01), relative_decrease=1e-4)
     prior = prior.lens.ray_prior
     still = prior.near.still
     seen, _ = prior.lens.seen(still)
@@ -153,7 +154,7 @@ def test_a_lens_that_no_bent_one_is_near_to_is_told_by_one_that_sees_all(referen
 def test_another_prior_steps_as_the_equations_with_it_do(reference):
     result = fit_cubic(reference, PRIOR, relative_decrease=1e-4)
     normal = result.normal
-    other = replace(result.lens, ray_prior=replace(reference.ray_prior(1e-2), weight=0.1))
+    other = replace(result.lens, ray_prior=replace(ray_prior(reference, 1e-2), weight=0.1))
     change = other.prior() - result.lens.prior()
     changed = replace(
         normal,
@@ -188,7 +189,7 @@ def test_photos_left_out_see_asymmetry_that_is_there(target):
 
 def test_one_photo_does_not_choose_the_hold():
     """By the sum of squares it would, being as far off as all others together."""
-    middle, other = EXPECTED, PriorChoice(spread=SPREADS[3], weight=WEIGHTS[7])
+    middle, other = EXPECTED, Prior(spread=SPREADS[3], weight=WEIGHTS[7])
     squares = np.array([[*[1.0] * 10, 100.0], [*[1.3] * 10, 20.0]])
     assert squares[1].sum() < squares[0].sum()
     assert _choose_likeliest([middle, other], squares)[0] == middle
@@ -197,7 +198,7 @@ def test_one_photo_does_not_choose_the_hold():
 def test_what_many_photos_say_outweighs_what_is_expected():
     middle, other = (
         EXPECTED,
-        PriorChoice(spread=SPREADS[3], weight=WEIGHTS[4]),
+        Prior(spread=SPREADS[3], weight=WEIGHTS[4]),
     )  # a distance of √8 standard deviations
     squares = np.array([np.full(3, 1.5), np.ones(3)])
     # Bayes: three times the likelihood of a photo, against exp(-8 / 2) of the expectation.
@@ -206,7 +207,7 @@ def test_what_many_photos_say_outweighs_what_is_expected():
 
 
 def test_a_prior_is_in_doubt_as_far_as_other_photos_would_choose_another():
-    middle, other = EXPECTED, PriorChoice(spread=SPREADS[2], weight=WEIGHTS[2])
+    middle, other = EXPECTED, Prior(spread=SPREADS[2], weight=WEIGHTS[2])
     alike = np.array([np.full(10, 1.0), np.full(10, 1.04)])
     assert _choose_likeliest([middle, other], alike) == (middle, {})  # by little, but by all photos
     # Half of the photos are for the one, half for the other, which is expected less.

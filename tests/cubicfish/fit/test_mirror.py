@@ -8,6 +8,7 @@ from decentred_mirror import DecentredMirror
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.evaluate import evaluate
 from cubicfish.fit.nearest_cubic import nearest_bent_cubic
+from cubicfish.fit.prior import ray_prior
 from cubicfish.fit.radial_reference import fit_radial
 from cubicfish.models.cubic import pole_or_fold_deg
 from cubicfish.solve.statistics import rms_px
@@ -56,7 +57,7 @@ def test_a_mirror_that_is_not_centred_is_met_although_no_radial_lens_is_near(pai
 
 
 def test_the_prior_of_an_asymmetric_lens_is_that_of_its_own_cubic(reference):
-    radial, bent = reference.ray_prior(0.0), reference.ray_prior(1e-2)
+    radial, bent = ray_prior(reference, 0.0), ray_prior(reference, 1e-2)
     assert radial.near is reference.cubic
     # It counts by its own noise.
     assert bent.denominator_weight < 0.2 * radial.denominator_weight

@@ -9,8 +9,9 @@ from simulated import CornerErrors, simulated_corners
 from synthetic_lenses import synthetic_lens
 
 from cubicfish.comparison import aligned_difference
-from cubicfish.fit.cubic_fit import PriorChoice, fit_cubic
+from cubicfish.fit.cubic_fit import fit_cubic
 from cubicfish.fit.photo_spread import PhotoSpread, photo_spread, variance_of_few
+from cubicfish.fit.prior import Prior
 from cubicfish.fit.radial_reference import fit_radial
 from cubicfish.fit.uncertainty import camera_uncertainty
 from cubicfish.models.cubic import CubicCamera
@@ -18,7 +19,7 @@ from cubicfish.models.sphere import cone_rays
 from cubicfish.solve.subset import select, world_scale
 
 TARGET = synthetic.corner_of_three()
-PRIOR = PriorChoice(spread=1e-3, weight=1.0)
+PRIOR = Prior(spread=1e-3, weight=1.0)
 PHOTOS = 10
 
 
@@ -103,7 +104,7 @@ def test_a_runner_up_adds_how_far_its_camera_is():
     alone = photo_spread(cubic, np.arange(PHOTOS)).sigma_px(rays)
     itself = photo_spread(replace(cubic, runners_up={PRIOR: 1.0}), np.arange(PHOTOS))
     np.testing.assert_allclose(itself.sigma_px(rays), alone, rtol=1e-2)
-    freer = PriorChoice(spread=1e-2, weight=0.1)
+    freer = Prior(spread=1e-2, weight=0.1)
     sure, half = (
         photo_spread(replace(cubic, runners_up={freer: likely}), np.arange(PHOTOS)).sigma_px(rays)
         for likely in (1.0, 0.5)
@@ -172,7 +173,7 @@ def test_a_richer_target_that_is_in_doubt_adds_how_far_its_camera_is():
     rays = cone_rays(reference.covered, 100)
     alone = photo_spread(cubic, np.arange(PHOTOS))
     # Held otherwise, and in parameters of another scale.
-    other = fit_cubic(reference, PriorChoice(spread=1e-2, weight=0.1), start=cubic).lens
+    other = fit_cubic(reference, Prior(spread=1e-2, weight=0.1), start=cubic).lens
     other = replace(other, coefficients=other.coefficients * [[2], [2], [1]], scale=other.scale / 2)
     beside = photo_spread(cubic, np.arange(PHOTOS), [(other, 1.0)])
     mine = camera_of(reference, cubic)

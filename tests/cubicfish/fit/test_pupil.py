@@ -10,8 +10,9 @@ from synthetic_lenses import SyntheticLens, synthetic_lens
 from cubicfish.comparison import aligned_difference
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.calibration import Calibration
-from cubicfish.fit.cubic_fit import PriorChoice, fit_cubic
+from cubicfish.fit.cubic_fit import fit_cubic
 from cubicfish.fit.evaluate import evaluate
+from cubicfish.fit.prior import Prior
 from cubicfish.fit.radial_reference import fit_radial
 from cubicfish.models.sphere import cone_rays, ray_at
 from cubicfish.solve.statistics import rms_px
@@ -91,7 +92,7 @@ def test_a_central_lens_stays_central() -> None:
 def test_it_stands_still_where_that_is_how_p_is_held(lens: SyntheticLens) -> None:
     pairs = photos(lens)
     reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
-    free = fit_cubic(reference, PriorChoice(spread=1e-3, weight=1.0))
+    free = fit_cubic(reference, Prior(spread=1e-3, weight=1.0))
     still = fit_cubic(reference, replace(free.prior, central=True), start=free)
     assert free.lens.travel > 1e-3
     assert abs(still.lens.travel) < 1e-9

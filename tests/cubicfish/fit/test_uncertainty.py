@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from cubicfish.calibration import calibrate as calibrate_target
 from cubicfish.fit.calibrate import calibrate
-from cubicfish.fit.cubic_fit import PriorChoice, fit_cubic
+from cubicfish.fit.cubic_fit import fit_cubic
+from cubicfish.fit.prior import Prior
 from cubicfish.fit.radial_reference import fit_radial, refit_radial
 from cubicfish.fit.uncertainty import (
     Gauge,
@@ -27,7 +28,7 @@ from cubicfish.target.target import Target
 TARGET = synthetic.corner_of_three()
 BOARD = Target(units="m", boards=(synthetic.checkerboard("board", 6, 4, 0.03),))
 NOISE, DRAWS = 0.1, 100
-PRIOR = PriorChoice(spread=0.01, weight=0.1)
+PRIOR = Prior(spread=0.01, weight=0.1)
 
 
 def draw(seed, noise=NOISE, photos=5):
@@ -142,7 +143,7 @@ def test_what_is_held_takes_few_degrees_of_freedom():
             BOARD, poses, lens=radial_camera(), noise=NOISE, seed=seed
         )
         reference = fit_radial(pairs.with_world(pairs.world / world_scale(pairs)))
-        fit = fit_cubic(reference, PriorChoice(spread=0.0, weight=30.0))
+        fit = fit_cubic(reference, Prior(spread=0.0, weight=30.0))
         found.append(corner_noise_px(fit) ** 2)
     assert np.sqrt(np.mean(found)) == pytest.approx(NOISE, rel=0.06)
 

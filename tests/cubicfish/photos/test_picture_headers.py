@@ -14,13 +14,7 @@ from hypothesis import strategies as st
 
 from cubicfish.errors import PhotoError
 from cubicfish.photos import photos
-from cubicfish.photos.photos import (
-    as_stored,
-    is_picture,
-    is_whole,
-    other_kind,
-    read_size,
-)
+from cubicfish.photos.photos import as_stored, is_picture, is_whole, other_kind, read_size
 
 RNG = np.random.default_rng(0)
 COLOUR = cv2.GaussianBlur(RNG.integers(0, 255, (48, 64, 3)).astype(np.uint8), (0, 0), 3)

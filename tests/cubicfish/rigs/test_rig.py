@@ -15,7 +15,7 @@ from synthetic_lenses import SineProfile, synthetic_lens
 from cubicfish.errors import FitError
 from cubicfish.fit.folds import dealt_out
 from cubicfish.models.radial import RadialCamera
-from cubicfish.rigs import calibrate as rig_fit
+from cubicfish.rigs import fitted_rig, joint_fit
 from cubicfish.rigs.calibrate import calibrate_rig
 from cubicfish.rigs.evaluate import evaluate_rig
 from cubicfish.rigs.rig import Rig
@@ -27,7 +27,7 @@ from cubicfish.rigs.shots import (
     shots_of_table,
 )
 from cubicfish.rigs.start import median_pose
-from cubicfish.rigs.times import Moving
+from cubicfish.rigs.times import CornerMotion
 from cubicfish.solve.adjustment import Adjustment, State, adjust, linearise
 from cubicfish.solve.deformable_target import DeformableTarget
 from cubicfish.solve.fit_lens import FreeLens
@@ -39,6 +39,7 @@ from cubicfish.target.placement import renamed, symmetries
 from cubicfish.target.target import Target
 from cubicfish.types import FloatArray
 from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
+from cubicfish_cli.words.sentences import render
 
 NAMES = ("left", "right")
 T = TypeVar("T")
@@ -124,13 +125,13 @@ def without_shots(fit: Adjustment[RigLens], shots: np.ndarray) -> RigLens:
 @pytest.mark.slow
 def test_a_rig_without_some_shots_is_nearly_one_step_away(monkeypatch: pytest.MonkeyPatch) -> None:
     fits: list[Adjustment[RigLens]] = []
-    stated = rig_fit.place_covariances
+    stated = fitted_rig.place_covariances
 
     def kept(fit: Adjustment[RigLens], *others: Any) -> FloatArray:
         fits.append(fit)
         return stated(fit, *others)
 
-    monkeypatch.setattr(rig_fit, "place_covariances", kept)
+    monkeypatch.setattr(fitted_rig, "place_covariances", kept)
     fitted(simulated()[0])
     (fit,) = fits
     right, groups = fit.lens.place_columns(1), [np.array([1, 4]), np.array([6]), np.array([0, 9])]
@@ -204,7 +205,7 @@ def test_a_camera_that_moved_half_way_is_found() -> None:
 
 def in_motion(
     seed: int = 1, late: tuple[float, float] = (0.0, 0.0)
-) -> tuple[list[Observations], list[Moving]]:
+) -> tuple[list[Observations], list[CornerMotion]]:
     """The same shots with rig and target in motion, cameras late by some seconds."""
     pairs, truth = simulated()
     rng = np.random.default_rng(seed)
@@ -232,7 +233,7 @@ def in_motion(
         found.append(replace(one, pixel=one.pixel + step))
         noise = 0.1 * rng.standard_normal((2, *now.shape))
         moves = (before - now + noise[0], after - now + noise[1])
-        moving.append(Moving.between(*moves, (-0.05, 0.05)))
+        moving.append(CornerMotion.between(*moves, (-0.05, 0.05)))
     return found, moving
 
 
@@ -342,7 +343,7 @@ def test_cameras_that_run_free_before_a_moving_target_get_times(reported: bool) 
     if not reported:
         first = rig.verdict.reasons[0]
         assert (first.code, first.case) == ("not_at_once", "fitted")
-        assert "hold the board still for a second" in first.line
+        assert "hold the board still for a second" in render(first).line
 
 
 @pytest.mark.slow
@@ -375,7 +376,7 @@ def test_shots_that_are_not_quite_at_once_count_for_less(monkeypatch: pytest.Mon
         return float(np.linalg.norm(place.position - clean.position))
 
     weighed = off()
-    monkeypatch.setattr(rig_fit, "weighed", lambda pairs, residual: pairs)
+    monkeypatch.setattr(joint_fit, "weighed", lambda pairs, residual: pairs)
     assert weighed < 0.75 * off()
 
 

@@ -11,7 +11,7 @@ from hand_held import RATE, Hand, hand_held
 from scipy.interpolate import make_smoothing_spline
 
 from cubicfish.io.corners_csv import save_corners
-from cubicfish.rigs import calibrate as rig_fit
+from cubicfish.rigs import fitted_rig
 from cubicfish.rigs.calibrate import calibrate_rig
 from cubicfish.rigs.motion import paths_between, smooth_track
 from cubicfish.rigs.rig import Rig
@@ -69,7 +69,7 @@ def test_shots_beside_tell_where_a_hand_was() -> None:
 def free_running() -> tuple[Rig, Adjustment[RigLens], Timing]:
     """A rig whose cameras run free before a board in a hand, its fit, and its photos' times."""
     fits: list[tuple[Adjustment[RigLens], Timing]] = []
-    stated = rig_fit.place_covariances
+    stated = fitted_rig.place_covariances
 
     def kept(fit: Adjustment[RigLens], *others: Any) -> FloatArray:
         fits.append((fit, others[-1]))
@@ -77,7 +77,7 @@ def free_running() -> tuple[Rig, Adjustment[RigLens], Timing]:
 
     made = hand_held(2)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rig_fit, "place_covariances", kept)
+        patch.setattr(fitted_rig, "place_covariances", kept)
         rig = calibrate_rig(
             dict(zip("abc", made.corners, strict=True)), made.target, refine_target="off"
         )

@@ -11,9 +11,10 @@ from running import SAMPLE, Run
 from saved_maps import read_map
 
 from cubicfish import OutputError, load_camera, load_corners
-from cubicfish.files.fingerprint import sha256_of
+from cubicfish.files import Fingerprint
 from cubicfish.fit import calibrate as fitting
 from cubicfish.target.target import load_target
+from cubicfish.views import MapInBands
 from cubicfish_cli import __version__
 
 CORNERS = SAMPLE / "true_corners.csv"
@@ -44,8 +45,8 @@ def test_the_calibration_is_written_whole(calibrated: Path) -> None:
     assert read.fit.rms_px < 0.03
     made_by = read.made_by
     assert made_by["version"] == __version__
-    assert made_by["target"] == {"file": str(TARGET), "sha256": sha256_of(TARGET)}
-    assert made_by["inputs"] == [{"file": str(CORNERS), "sha256": sha256_of(CORNERS)}]
+    assert made_by["target"] == {"file": str(TARGET), "sha256": Fingerprint.of(TARGET).sha256}
+    assert made_by["inputs"] == [{"file": str(CORNERS), "sha256": Fingerprint.of(CORNERS).sha256}]
     target = load_target(TARGET)
     again = load_corners(calibrated / "corners.csv", target)
     np.testing.assert_array_equal(again.pixel, load_corners(CORNERS, target).pixel)
@@ -117,7 +118,7 @@ def test_when_one_output_fails_none_is_written(
     def fail(*_: object, **__: object) -> None:
         raise OutputError("the disk is full")
 
-    monkeypatch.setattr("cubicfish_cli.undistortion.map_formats.write_npz", fail)
+    monkeypatch.setattr(MapInBands, "write", fail)
     run("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o", tmp_path / "c", code=1)
     assert list((tmp_path / "c").iterdir()) == []
 
@@ -314,7 +315,7 @@ def test_a_calibration_does_not_replace_the_object_that_it_is_made_from(
     mine.write_bytes(TARGET.read_bytes())
     args = ("calibrate", CORNERS, "-t", mine, "-o", tmp_path, "--overwrite")
     said = run(*args, "--refine-target", "shape", code=1).stderr
-    assert f"{mine} would be replaced, and is what this calibration is made from" in said
+    assert f"{mine} is read here, and would be replaced" in said
     run(*args, "--refine-target", "off")
     assert mine.read_bytes() == TARGET.read_bytes()
 

@@ -16,8 +16,8 @@ from json_keys import keys_of
 from running import Run
 
 from cubicfish import load_camera
-from cubicfish.files.frame_names import film_and_time
-from cubicfish_cli.films import frame_search
+from cubicfish.files import FrameName
+from cubicfish.observe import glances
 
 pytestmark = pytest.mark.slow
 
@@ -44,7 +44,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def times(folder: Path) -> list[float]:
     """Seconds of the frames that were chosen."""
-    named = [film_and_time(path.name) for path in sorted(folder.glob("*.png"))]
+    named = [FrameName.read(path.name) for path in sorted(folder.glob("*.png"))]
     return [one[1] for one in named if one is not None]
 
 
@@ -146,7 +146,7 @@ def test_of_a_run_that_was_interrupted_nothing_is_left(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(frame_search, "_quick_detect", stop)
+        patch.setattr(glances, "_quick_detect", stop)
         run("frames", short, "-o", tmp_path / "p", "-j", 1, code=130)
     assert not (tmp_path / "p").exists()
     killed = tmp_path / "p" / ".unfinished" / "short" / "7.png"

@@ -70,7 +70,7 @@ def test_a_table_is_calibrated_without_what_photos_films_and_rigs_need(tmp_path:
     needless = {
         "cubicfish.find.detection.finder", "cubicfish.find.identification.scene",
         "cubicfish.rigs.calibrate", "cubicfish_cli.films.source",
-        "cubicfish_cli.extensions.formats.lenses", "cubicfish_cli.viewpoints.views",
+        "cubicfish_cli.extensions.formats.lenses", "cubicfish_cli.render.overlay",
     }  # fmt: skip
     for name in needless:
         assert find_spec(name) is not None, name

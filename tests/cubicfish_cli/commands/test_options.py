@@ -26,16 +26,14 @@ from cubicfish import load_corners
 from cubicfish.find.identification.second_pass import Prediction
 from cubicfish.fit import calibrate as fit
 from cubicfish.fit import point_fit
-from cubicfish.observe import detection
-from cubicfish.rigs import views
+from cubicfish.observe import detection, glances
+from cubicfish.rigs import alone
 from cubicfish.target.target import load_target
-from cubicfish.views import camera_for_photos
 from cubicfish.workers import cluster, pool
 from cubicfish_cli import CubicfishError, load_camera, save_camera
 from cubicfish_cli.commands import exporting
 from cubicfish_cli.extensions.advice import advise
 from cubicfish_cli.extensions.simulation import simulate
-from cubicfish_cli.films import frame_search
 from tests.cubicfish_cli.extensions.rigs.test_export import made_rig
 
 TARGET, ALL_CORNERS = SAMPLE / "target.yaml", SAMPLE / "true_corners.csv"
@@ -390,7 +388,7 @@ def worked_out_once() -> Iterator[None]:
     """What most options do not change is worked out once: corners, their names, fits, poses."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fit, "calibrate", once(fit.calibrate))
-        patch.setattr(views, "calibrate", once(views.calibrate))
+        patch.setattr(alone, "calibrate", once(alone.calibrate))
         patch.setattr(cubicfish, "calibrate_rig", once(cubicfish.calibrate_rig))
         patch.setattr(cubicfish, "evaluate_rig", once(cubicfish.evaluate_rig))
         patch.setattr(exporting, "to_lens", once(exporting.to_lens))
@@ -399,8 +397,9 @@ def worked_out_once() -> Iterator[None]:
         patch.setattr(detection, "name_grids", once(detection.name_grids))
         patch.setattr(detection, "predicted_corners", once(detection.predicted_corners))
         patch.setattr(Prediction, "seen_in", once(Prediction.seen_in))
-        for name in ("quick_detect", "quick_detect_near", "name_quick_detections"):
-            patch.setattr(frame_search, name, once(getattr(frame_search, name)))
+        patch.setattr(glances, "quick_detect", once(glances.quick_detect))
+        patch.setattr(glances, "quick_detect_near", once(glances.quick_detect_near))
+        patch.setattr(glances, "name_grids", once(glances.name_grids))
         yield
 
 
@@ -441,7 +440,7 @@ def sources(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[
     made["near"] = folder / "near.yaml"
     save_camera(made["near"], replace(camera, pupil_travel=0.05))
     made["small"] = folder / "small.yaml"
-    save_camera(made["small"], camera_for_photos(camera, (480, 360)))
+    save_camera(made["small"](camera, (480, 360)))
     made["chain"] = folder / "k.yaml"
     run_cli("export", made["small"], "--to", "kalibr-omni", "-o", made["chain"])
     made["lens"] = folder / "c.cameramodel"

@@ -16,7 +16,7 @@ from cubicfish.find.detection.markers_detect import Sight, families
 from cubicfish.find.detection.markers_lattice import BoardLattice
 from cubicfish.find.detection.markers_read import read_grid
 from cubicfish.find.detection.pyramid import build_pyramid
-from cubicfish.find.identification.quick_detect import quick_detect_markers
+from cubicfish.find.identification.quick_detect import quick_detect
 from cubicfish.observe.photo_detection import detect_in_photo as search
 from cubicfish.photos.photos import Photo
 from cubicfish.target.boards.markers import Markers
@@ -364,7 +364,7 @@ def test_a_board_behind_a_bar_is_still_one_board():
 
 @pytest.mark.slow
 def test_quick_detection_of_markers_names_most_corners_where_they_are():
-    found = quick_detect_markers(mixed_photo(), MIXED)
+    found = quick_detect(mixed_photo(), MIXED)
     error, recall = errors(found, MIXED)
     assert np.median(error) < 0.1
     assert np.quantile(error, 0.95) < 1
@@ -375,10 +375,10 @@ def test_quick_detection_of_markers_names_most_corners_where_they_are():
 def test_quick_detection_of_markers_is_empty_where_none_agree():
     rng = np.random.default_rng(4)
     for photo in (np.full((200, 300), 99, np.uint8), rng.integers(0, 255, (200, 300), np.uint8)):
-        assert len(quick_detect_markers(photo, MIXED)) == 0
+        assert len(quick_detect(photo, MIXED)) == 0
     board = Target(units="mm", boards=(wall("front", "charuco", (4, 4), 40.0),))
     photo = photo_of(board)
-    found = quick_detect_markers(photo, board)
+    found = quick_detect(photo, board)
     assert len(found) == 16
     # Of one marker all four corners are left, and nothing else.
     own = found.pixel[(found.column < 2) & (found.row > 0) & (found.row < 3)]
@@ -386,7 +386,7 @@ def test_quick_detection_of_markers_is_empty_where_none_agree():
     (left, top), (right, bottom) = own.min(axis=0).astype(int) - 8, own.max(axis=0).astype(int) + 8
     hidden = np.full_like(photo, 128)
     hidden[top:bottom, left:right] = photo[top:bottom, left:right]
-    assert len(quick_detect_markers(hidden, board)) == 0
+    assert len(quick_detect(hidden, board)) == 0
 
 
 def searched(photo, target):

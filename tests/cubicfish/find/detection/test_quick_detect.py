@@ -6,7 +6,7 @@ import pytest
 from running import SAMPLE
 
 from cubicfish.find.detection.finder import find_grids
-from cubicfish.find.identification.quick_detect import quick_detect_grids
+from cubicfish.find.identification.quick_detect import quick_detect
 from cubicfish.photos.photos import read_grey
 
 
@@ -15,7 +15,7 @@ from cubicfish.photos.photos import read_grey
 def test_grids_are_where_full_detection_finds_them(share: float) -> None:
     for path in sorted((SAMPLE / "photos").glob("*.jpg"))[:2]:
         photo = cv2.resize(read_grey(path), None, fx=share, fy=share)
-        seen, found = quick_detect_grids(photo), find_grids(photo)
+        seen, found = quick_detect(photo, None), find_grids(photo)
         assert seen.image_size == found.image_size
         assert 2 <= len(seen.grids) <= len(found.grids) == 3
         for grid in seen.grids:
@@ -36,6 +36,6 @@ def test_there_are_none_in_noise_or_nothing() -> None:
     noise = np.random.default_rng(2).integers(0, 255, (400, 700)).astype(np.uint8)
     cells = np.kron(noise[:70, :100] > 127, np.full((8, 8), 200)).astype(np.uint8)[:, :700]
     for photo in (noise, np.full((400, 700), 90, np.uint8), noise[:12, :12], cells):
-        seen = quick_detect_grids(photo)
+        seen = quick_detect(photo, None)
         assert seen.grids == ()
         assert seen.image_size == photo.shape[::-1]

@@ -20,9 +20,8 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
-from cubicfish.errors import ClusterError, PhotoError
-from cubicfish.listener import Listener
-from cubicfish.run import RUN
+import cubicfish
+from cubicfish import ClusterError, Listener, PhotoError
 from cubicfish.workers import cluster
 from cubicfish.workers.cluster import connect, do_one, versions_here
 from cubicfish_cli.undistortion.batch import Job, write_many, write_one
@@ -144,7 +143,7 @@ class Counting(Listener):
 
 def undistort(jobs: Sequence[Job], address: str, render, wait_s=PATIENCE_S, **options) -> dict:
     with connect(address, wait_s=wait_s) as executor:
-        how = replace(RUN, executor=executor, **options)
+        how = replace(cubicfish.Run(), executor=executor, **options)
         return write_many(jobs, partial(write_one, render=render), how)
 
 
@@ -210,7 +209,9 @@ def test_planes_find_their_poses_there(
 def test_a_worker_that_is_killed_loses_nothing(processes: Processes, tmp_path: Path) -> None:
     jobs, seen = jobs_of(tmp_path, 12), []
     here = jobs_of(tmp_path, 12, "here")
-    write_many(here, partial(write_one, render=distant_work.render), replace(RUN, jobs=1))
+    write_many(
+        here, partial(write_one, render=distant_work.render), replace(cubicfish.Run(), jobs=1)
+    )
     address = processes.have(2)
     failures = undistort(
         jobs,

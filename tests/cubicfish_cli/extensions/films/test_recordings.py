@@ -18,8 +18,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 from running import run_cli
 
-from cubicfish import CubicfishError, PhotoError
-from cubicfish.run import RUN
+from cubicfish import CubicfishError, PhotoError, Run
 from cubicfish_cli.films.recordings import Recording
 from cubicfish_cli.inputs.paths import check_inputs, file_and_topic, is_recording
 from cubicfish_cli.inputs.target_source import TargetSource
@@ -235,9 +234,9 @@ def test_a_recording_is_there_where_its_file_is(tmp_path: Path) -> None:
     (tmp_path / "target.yaml").write_text(TARGET)
     target = TargetSource.of(tmp_path / "target.yaml")
     (tmp_path / "run.bag").touch()
-    check_inputs([tmp_path / "run.bag:/cam0/image_raw"], target, RUN)
+    check_inputs("photos", [tmp_path / "run.bag:/cam0/image_raw"], target, Run())
     with pytest.raises(CubicfishError, match=r"other\.bag does not exist"):
-        check_inputs([tmp_path / "other.bag:/cam0/image_raw"], target, RUN)
+        check_inputs("photos", [tmp_path / "other.bag:/cam0/image_raw"], target, Run())
 
 
 @pytest.mark.slow

@@ -9,8 +9,8 @@ import pytest
 from lenses import cubic_camera, radial_camera
 
 from cubicfish import CameraFileError
-from cubicfish.fit.from_lens import from_lens
-from cubicfish.fit.to_lens import to_lens
+from cubicfish.fit.exported_lens import to_lens
+from cubicfish.fit.imported_lens import from_lens
 from cubicfish.models import RadialCamera
 from cubicfish_cli.extensions.formats.colmap_cameras import (
     MODELS,

@@ -237,7 +237,8 @@ def _sample_field(
         good[good] = angle_from_axis(rays[good]) <= np.deg2rad(max_angle_deg)
     if good.sum() < _FEWEST:
         raise FitError(
-            "too little of the photo lies within that angle of the axis: choose a larger "
-            "--max-angle"
+            "too little of the photo lies within that angle of the axis",
+            do="choose a larger {max_angle_deg}",
+            arguments={"max_angle_deg": "max_angle_deg"},
         )
     return rays[good], pixel[good]
