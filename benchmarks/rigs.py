@@ -44,6 +44,8 @@ from cubicfish import (
 )
 from cubicfish.models.sphere import cone_rays
 from cubicfish.rigs import load_times
+from cubicfish.solve.subset import select_photos
+from cubicfish.rigs.shots import Times
 from cubicfish.target.target import load_target
 from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 

@@ -11,20 +11,7 @@ from trial import known
 
 BINS = np.arange(0, 136, 15)  # degrees from the axis
 DRAWS = 1000  # of the photos, for intervals
-COLOURS = (
-    "#0a6",
-    "#7b3",
-    "#06c",
-    "#39f",
-    "#c60",
-    "#fa3",
-    "#a0c",
-    "#d5c",
-    "#888",
-    "#444",
-    "#b22",
-    "#e88",
-)
+COLOURS = ("#0a6", "#7b3", "#06c", "#39f", "#c60", "#fa3", "#a0c", "#d5c", "#888", "#444", "#b22", "#e88")
 
 
 def joined(folder, prefix, key):
@@ -74,11 +61,7 @@ def row_of(folder, about):
         if good < folds:
             problems = [known(folder, f.stem).get("problem") for f in folder.glob("fold*.*")]
             row["problem"] = "a fold: " + str(next(one for one in problems if one is not None))
-    for name, prefix, key in (
-        ("drawn", "", "drawn_px"),
-        ("export", "", "export_px"),
-        ("own", "own_", "px"),
-    ):
+    for name, prefix, key in (("drawn", "", "drawn_px"), ("export", "", "export_px"), ("own", "own_", "px")):
         error = joined(folder, prefix, key)[0]
         if error is not None:
             row |= spread(error, f"{name}_px")
@@ -94,28 +77,19 @@ def row_of(folder, about):
 
 def by_angle(rows):
     """Add to each row its median error and recall by angle: each corner's angle is all tools' median."""
-    angles = [
-        row["angle"]
-        for row in rows.values()
-        if "angle" in row and row["folds"][0] == row["folds"][-1]
-    ]
+    angles = [row["angle"] for row in rows.values() if "angle" in row and row["folds"][0] == row["folds"][-1]]
     angles = [one for one in angles if len(one) == max(map(len, angles))]
     if not angles:
         return
     middle = np.nanmedian(angles, axis=0)
     for row in rows.values():
-        for name, values in (
-            ("by_angle", row.get("error")),
-            ("recall_by_angle", row.get("recalled")),
-        ):
+        for name, values in (("by_angle", row.get("error")), ("recall_by_angle", row.get("recalled"))):
             if values is None or len(values) != len(middle):
                 continue
             for low, high in zip(BINS[:-1], BINS[1:], strict=True):
                 inside = (middle >= low) & (middle < high)
                 if inside.sum() >= 10:
-                    value = (
-                        np.median(values[inside]) if name == "by_angle" else values[inside].mean()
-                    )
+                    value = np.median(values[inside]) if name == "by_angle" else values[inside].mean()
                     row[f"{name}_{low}_{high}"] = value
 
 
@@ -135,17 +109,11 @@ def plot(rows, name, label):
     parts = [f'<svg viewBox="0 0 560 {220 + 0}" width="560"><text x="4" y="12">{label}</text>']
     for tick in np.linspace(0, top, 5):
         y = 190 - 165 * tick / top
-        parts.append(
-            f'<path d="M40 {y:.1f}H400" stroke="#ddd"/><text x="2" y="{y + 4:.1f}">{tick:.2g}</text>'
-        )
-    parts += [
-        f'<text x="{40 + 360 * a / right:.0f}" y="206">{a}°</text>' for a in BINS if a <= right
-    ]
+        parts.append(f'<path d="M40 {y:.1f}H400" stroke="#ddd"/><text x="2" y="{y + 4:.1f}">{tick:.2g}</text>')
+    parts += [f'<text x="{40 + 360 * a / right:.0f}" y="206">{a}°</text>' for a in BINS if a <= right]
     for k, (tool, line) in enumerate(lines):
         colour = COLOURS[list(rows).index(tool) % len(COLOURS)]
-        d = "L".join(
-            f"{40 + 360 * x / right:.1f} {190 - 165 * min(v, top) / top:.1f}" for x, v in line
-        )
+        d = "L".join(f"{40 + 360 * x / right:.1f} {190 - 165 * min(v, top) / top:.1f}" for x, v in line)
         parts.append(f'<path d="M{d}" fill="none" stroke="{colour}" stroke-width="2"/>')
         parts.append(f'<text x="406" y="{24 + 15 * k}" fill="{colour}">{html.escape(tool)}</text>')
     return "".join(parts) + "</svg>"
@@ -157,19 +125,13 @@ def shown(value, digits=3):
         return "–"
     if isinstance(value, str):
         return html.escape(value)
-    return (
-        f"{value:.{digits}f}"
-        if value < 1000
-        else ("∞" if not np.isfinite(value) else f"{value:.0f}")
-    )
+    return f"{value:.{digits}f}" if value < 1000 else ("∞" if not np.isfinite(value) else f"{value:.0f}")
 
 
 def table(head, rows):
     """HTML; cells are texts, or (text, class)."""
     cells = [[one if isinstance(one, tuple) else (one, "") for one in row] for row in rows]
-    body = "".join(
-        "<tr>" + "".join(f'<td class="{c}">{t}</td>' for t, c in row) + "</tr>" for row in cells
-    )
+    body = "".join("<tr>" + "".join(f'<td class="{c}">{t}</td>' for t, c in row) + "</tr>" for row in cells)
     return "<table><tr>" + "".join(f"<th>{one}</th>" for one in head) + f"</tr>{body}</table>"
 
 
@@ -218,9 +180,7 @@ def page(cameras, tools, missing):
             line.append((text, kind))
         overview.append(line)
         source = about.get("repo", "")
-        told = (
-            f'<a href="{source}">{source}</a>, licence: {about.get("licence")}. ' if source else ""
-        )
+        told = f'<a href="{source}">{source}</a>, licence: {about.get("licence")}. ' if source else ""
         parts.append(f'<h2 id="{name}">{name}</h2><p>{told}{about["size"][0]}x{about["size"][1]} px, '
                      f"{about['photos']} photos, {about['corners']} corners by {about['corners_by']}.</p>")  # fmt: skip
         full = [[html.escape(tool), *(shown(row.get(key), n) for _, key, n in COLUMNS),
@@ -228,9 +188,7 @@ def page(cameras, tools, missing):
                 for tool, row in rows.items()]  # fmt: skip
         parts.append(table(["tool", *(title for title, _, _ in COLUMNS), "remarks"], full))
         parts.append(plot(rows, "by_angle", "held-out median, px, by angle from the axis"))
-        parts.append(
-            plot(rows, "recall_by_angle", "share of the table's corners that its detector finds")
-        )
+        parts.append(plot(rows, "recall_by_angle", "share of the table's corners that its detector finds"))
     overview += [[name, "not here", (html.escape(why), "bad")] for name, why in missing.items()]
     return (
         f'<!doctype html><meta charset="utf-8"><title>Open benchmark</title><style>{STYLE}</style>'

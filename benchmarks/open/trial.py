@@ -187,9 +187,7 @@ class Trial:
                 world = job.world if model.get("world") is None else model["world"]
                 middle = np.median(evaluated(lens, world, job.judged())[0]) if starts > 1 else 0.0
             except Exception as problem:
-                told["lost"].append(
-                    f"start {start}: {said(problem)}" if starts > 1 else said(problem)
-                )
+                told["lost"].append(f"start {start}: {said(problem)}" if starts > 1 else said(problem))
                 continue
             if best is None or middle < least:
                 best, least = (model, lens, world), middle
@@ -276,10 +274,8 @@ class Trial:
             mine = own["image"] == k
             photos.append((name, file, own["point"][mine], own["pixel"][mine]))
         table = [self.job.data[key] for key in ("image", "point", "pixel")]
-        if all(
-            a.shape == b.shape and np.allclose(a, b, atol=1e-3)
-            for a, b in zip(table, (own["image"], own["point"], own["pixel"]), strict=True)
-        ):
+        if all(a.shape == b.shape and np.allclose(a, b, atol=1e-3)
+               for a, b in zip(table, (own["image"], own["point"], own["pixel"]), strict=True)):
             return known(self.folder, piece[4:])  # the table is its own
         return self.held_out(int(piece[8:]), photos, own=True)
 

@@ -96,13 +96,7 @@ def export(model, folder):
         return None
     file = folder / "lens.cameramodel"
     mrcal.cameramodel(optimization_inputs=model["problem"], icam_intrinsics=0).write(str(file))
-    command = [
-        "mrcal-convert-lensmodel",
-        "--sampled",
-        "--intrinsics-only",
-        "LENSMODEL_OPENCV8",
-        "-",
-    ]
+    command = ["mrcal-convert-lensmodel", "--sampled", "--intrinsics-only", "LENSMODEL_OPENCV8", "-"]
     told = subprocess.run(command, input=file.read_bytes(), capture_output=True, timeout=300)
     if told.returncode:
         raise ValueError(told.stderr.decode().strip().splitlines()[-1])
