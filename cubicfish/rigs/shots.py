@@ -117,13 +117,17 @@ def shots_by_name(photos: Mapping[str, Sequence[str]]) -> Shots:
             if seen.setdefault(stem, name) != name:
                 raise FitError(
                     f"camera {camera}: {quoted(seen[stem])} and {quoted(name)} would be of one "
-                    "shot: give each photo of a camera a name of its own, or list the shots with "
-                    "--shots"
+                    "shot",
+                    do="give each photo of a camera a name of its own, or list the shots with "
+                    "{shots}",
+                    arguments={"shots": "shots"},
                 )
     if not _is_any_shared(stems):
         raise FitError(
             f"no photo of {next(iter(photos))} is called as one of another camera, so no two "
-            "cameras share a shot: call the photos of a shot alike, or list them with --shots"
+            "cameras share a shot",
+            do="call the photos of a shot alike, or list them with {shots}",
+            arguments={"shots": "shots"},
         )
     return _number_shots(
         dict(zip(*pair, strict=True)) for pair in zip(photos.values(), stems, strict=True)
@@ -173,8 +177,9 @@ def shots_by_time(
         found[camera][name] = begin
     if most < 2:
         raise FitError(
-            f"no two cameras have photos within {1e3 * tolerance:g} ms: check that their times are "
-            "of one clock, or say a larger --tolerance"
+            f"no two cameras have photos within {1e3 * tolerance:g} ms",
+            do="check that their times are of one clock, or say a larger {tolerance}",
+            arguments={"tolerance": "tolerance"},
         )
     return _number_shots({name: f"{key:020.6f}" for name, key in own.items()} for own in found)
 
@@ -182,8 +187,9 @@ def shots_by_time(
 def _refuse_timeless(camera: str, name: str, time: float | None) -> float:
     if time is None:
         raise FitError(
-            f"camera {camera}: {quoted(name)} has no time in its name: list the shots with "
-            "--shots, or leave --tolerance out"
+            f"camera {camera}: {quoted(name)} has no time in its name",
+            do="list the shots with {shots}, or leave {tolerance} out",
+            arguments={"shots": "shots", "tolerance": "tolerance"},
         )
     return time
 
