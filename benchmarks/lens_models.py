@@ -1,5 +1,8 @@
 """Other lens models on the corners of a calibration: the same loss, the same folds.
 
+    python benchmarks/lens_models.py CORNERS.csv TARGET.yaml
+
+Other programs are measured by ``open/run.py``.
 Beside those that formats of other tools hold there are two here that no format needs:
 
 - ``division`` (Fitzgibbon 2001): the ray of (x, y) is (x, y, 1 + λ(x² + y²));
@@ -10,15 +13,18 @@ Written with rays, and with the arc tangent of two arguments, both hold beyond 1
 
 from __future__ import annotations
 
+import argparse
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any, Self, TypeVar
 
 import numpy as np
 
 from cubicfish_cli.app.lenses.foreign_lens import FocalLens, ForeignLens, usable_angle_deg
+from cubicfish_cli.commands.calibration import calibrate
 from cubicfish_cli.core.angles import angle_from_axis, columns
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import Adjustment, adjust
@@ -31,10 +37,11 @@ from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import RadialReference, radial_near, refit_radial
 from cubicfish_cli.core.fit.statistics import rms_px, wide_px
 from cubicfish_cli.core.fit.subset import select, select_photos, world_scale
+from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.target import Target, load_target
 from cubicfish_cli.core.threads import one_blas_thread
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.formats.lenses import DoubleSphereLens, UnifiedLens
@@ -324,3 +331,21 @@ def near_reference(kind: type[L], reference: RadialReference) -> L:
             f"the {kind.label} model does not reach {np.rad2deg(reference.covered):.0f}°"
         )
     return nearest_lens(starts, rays, wanted)
+
+
+def main() -> None:
+    """Print one table."""
+    parser = argparse.ArgumentParser(description="lens models on the same corners and folds")
+    parser.add_argument("corners", type=Path)
+    parser.add_argument("target", type=Path)
+    options = parser.parse_args()
+    pairs = load_corners(options.corners, load_target(options.target))
+    print(f"{'':<20}{'numbers':>9}{'RMS px':>9}{'held-out px':>13}{'seconds':>9}")
+    for one in compare_models(calibrate(pairs, refine_target="off", hold_out=True)):
+        errors = (one.rms_px, one.held_out_rms_px)
+        cells = ["-" if error is None else f"{error:.4f}" for error in errors]
+        print(f"{one.model:<20}{one.parameters:>9}{cells[0]:>9}{cells[1]:>13}{one.seconds:>9.2f}")
+
+
+if __name__ == "__main__":
+    main()
