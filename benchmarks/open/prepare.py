@@ -64,7 +64,8 @@ def main():
     points, pixels = zip(*(found[name] for name in kept), strict=True)
     np.savez(
         folder / "job.npz", world=world, local=local, board=board, column=column, row=row,
-        size=size, boards=json.dumps(boards), names=kept, files=[files.get(name, "") for name in kept],
+        size=size, boards=json.dumps(boards), names=kept,
+        files=[files.get(name, "") for name in kept],
         image=np.repeat(np.arange(len(kept)), [len(part) for part in points]),
         point=np.concatenate(points), pixel=np.concatenate(pixels),
         test=[name in source.get("test", []) for name in kept],

@@ -8,11 +8,13 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from trial import known
+from trial import FOLDS, known
 
 BINS = np.arange(0, 136, 15)  # degrees from the axis
 DRAWS = 1000  # of the photos, for intervals
-COLOURS = "#0a6 #7b3 #06c #39f #c60 #fa3 #a0c #d5c #888 #444 #b22 #e88 #5aa".split()
+COLOURS = (
+    "#0a6", "#7b3", "#06c", "#39f", "#c60", "#fa3", "#a0c", "#d5c", "#888", "#444", "#b22", "#e88"
+)  # fmt: skip
 COLUMNS = (
     ("held out px: median", "px_median", 3), ("95 %", "px_p95", 3), ("RMS", "px_rms", 3),
     ("arc min: median", "min_median", 2), ("95 %", "min_p95", 2), ("RMS", "min_rms", 2),
@@ -23,14 +25,15 @@ COLUMNS = (
     ("recall", "recall", 3), ("exported: median", "export_median", 3), ("CPU s", "seconds", 2),
     ("MB", "memory", 0), ("lines", "lines", 0),
 )  # fmt: skip
-STYLE = """body{font:14px sans-serif;margin:2em}table{border-collapse:collapse}svg text{font-size:11px}
-td,th{border:1px solid #ccc;padding:2px 6px;text-align:right;vertical-align:top}th{background:#eee}
+STYLE = """th{background:#eee}body{font:14px sans-serif;margin:2em}
+table{border-collapse:collapse}svg text{font-size:11px}
+td,th{border:1px solid #ccc;padding:2px 6px;text-align:right;vertical-align:top}
 td:first-child{text-align:left}.best{background:#bfd;font-weight:bold}.near{background:#e6fbe6}
 .lost{background:#fdc}.bad{color:#a00;text-align:left;max-width:30em}"""
-HEAD = """<h1>Calibration tools on real cameras</h1><p>Held-out error, median over all corners, pixels,
-with its 95 % interval over photos. Green: the best, and those whose interval reaches into its own.
-Red: a camera that cubicfish loses. ✗: something failed (hold the mouse there). README.md says how all
-is measured.</p>"""
+HEAD = """<h1>Calibration tools on real cameras</h1>
+<p>Held-out error, median over all corners, pixels, with its 95 % interval over photos. Green: the best, and those whose interval reaches into its own.
+Red: a camera that cubicfish loses. ✗: something failed (hold the mouse there). README.md says how
+all is measured.</p>"""
 
 
 def interval(error, photo):
@@ -211,7 +214,7 @@ def main():
         rows = dict(row_of(folder) for folder in (work / "results" / name).iterdir())
         rows = {tool: rows[tool] for tool in tools if tool in rows}
         job = np.load(work / "jobs" / name / "job.npz")
-        fold = np.arange(len(job["names"])) % min(5, len(job["names"]))
+        fold = np.arange(len(job["names"])) % min(FOLDS, len(job["names"]))
         fold = np.where(job["test"], 0, -1) if job["test"].any() else fold
         of_corner = fold[job["image"]]
         add_angles(

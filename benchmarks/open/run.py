@@ -26,6 +26,8 @@ QUIET = {
     f"{name}_NUM_THREADS": "1"
     for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "RAYON", "OPENCV_FOR")
 } | {"PYTHONHASHSEED": "0", "MPLBACKEND": "Agg"}
+STOPPED = (signal.SIGINT, signal.SIGTERM)  # by the user, who will start it again
+ENDED = {signal.SIGXCPU: "took more than {} s", signal.SIGKILL: "was killed: too much memory?"}
 
 
 def constants(adapter):
@@ -109,13 +111,12 @@ def tried(python, problem, adapter, tool, job, folder, limit):
         status, said = call(python, "trial.py", adapter, tool, job, folder, limit)
         (folder / "said.txt").write_text(said[-20000:], encoding="utf-8")
         broken = list(folder.glob("*.begun"))
+        if status == 0 or -status in STOPPED:
+            return
         for begun in broken:
             begun.unlink()
-            late = status in (-signal.SIGXCPU, -signal.SIGKILL)
-            why = f"took more than {limit} s" if late else f"crashed ({status})"
+            why = ENDED.get(-status, f"crashed ({status})").format(limit)
             begun.with_suffix(".json").write_text(json.dumps({"problem": why}))
-        if status == 0:
-            return
         if not broken:
             break
     alone.write_text(json.dumps({"problem": said.strip().splitlines()[-1][:200]}))
@@ -198,8 +199,12 @@ def main():
         for tool in wanted
     ]
     with ThreadPoolExecutor(given.jobs) as pool:
-        for task, _ in zip(tasks, pool.map(lambda one: tried(*one), tasks), strict=True):
-            print(f"{task[4].parent.name}: {task[3]}", flush=True)
+        try:
+            for task, _ in zip(tasks, pool.map(lambda one: tried(*one), tasks), strict=True):
+                print(f"{task[4].parent.name}: {task[3]}", flush=True)
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
+            sys.exit("stopped; the same command goes on from here")
     (work / "missing.json").write_text(json.dumps(missing))
     status, said = call(python, "report.py", work, json.dumps([names, wanted]))
     print(said.strip())
