@@ -4,10 +4,10 @@ import math
 from collections.abc import Mapping, Sequence
 
 from cubicfish import Finding, Verdict
-from cubicfish.judge import CameraFacts, ErrorStatistics, FieldUncertainty, FitRecord, Level
+from cubicfish.judge import CameraFacts, ErrorStatistics, FieldUncertainty, FitRecord
 from cubicfish_cli.words.phrases import counted, length_words
 
-LEVELS: Mapping[Level, str] = {
+LEVELS: Mapping[str, str] = {
     "good": "good",
     "care": "usable with care",
     "bad": "not to be trusted",

@@ -45,7 +45,7 @@ def judged(
 
 
 def reported_of_photos(record: dict[str, Any]) -> list[tuple[Finding, ...]]:
-    return photo_verdicts(FitRecord.of(record), SIZE)
+    return [judged.reasons for judged in photo_verdicts(FitRecord.of(record), SIZE)]
 
 
 def test_a_good_fit_is_good() -> None:
