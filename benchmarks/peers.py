@@ -26,7 +26,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from lens_models import compare_models
 
 from cubicfish import Calibration, FitError, Observations, Run, Target, calibrate, load_corners
 from cubicfish.fit.folds import FOLDS
@@ -35,7 +34,6 @@ from cubicfish.solve import Poses, rms_px
 from cubicfish.solve.adjustment import adjust
 from cubicfish.solve.fit_lens import FitLens, FixedLens, FreeLens
 from cubicfish.solve.statistics import huber_px
-from cubicfish.solve.subset import select_photos
 from cubicfish.target.target import load_target
 from cubicfish_cli.extensions.formats.lenses import UnifiedLens
 
@@ -95,13 +93,6 @@ def ours(pairs: Observations, target: Target) -> Calibration:
         )
         first = first or fit
     assert first is not None
-    for figures in compare_models(first)[1:]:
-        row(
-            f"  {figures.model}, same solver",
-            figures.rms_px,
-            figures.held_out_rms_px,
-            figures.seconds,
-        )
     return first
 
 
@@ -167,7 +158,7 @@ def opencv_held_out(
             return None
         test = photo[photo % len(folds) == fold]
         miss = judged(
-            opencv_lens(name, run, pairs.image_size), select_photos(pairs, test), fit.poses[test]
+            opencv_lens(name, run, pairs.image_size), pairs.of_photos(test), fit.poses[test]
         )
         if miss is None:
             return None
