@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -42,7 +43,7 @@ from cubicfish import (
     load_corners,
 )
 from cubicfish.models.sphere import cone_rays
-from cubicfish.rigs.shots import Times, load_times
+from cubicfish.rigs import load_times
 from cubicfish.target.target import load_target
 from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 
@@ -256,7 +257,9 @@ def measure_growth(cameras: list[int], shots: list[int], field_deg: float) -> No
             )
 
 
-def halved(of: str, timed: bool) -> tuple[dict[str, Observations], Target, Times | None]:
+def halved(
+    of: str, timed: bool
+) -> tuple[dict[str, Observations], Target, Mapping[str, Mapping[str, float]] | None]:
     """Corners of a rig's cameras by name, their target, and when photos were taken."""
     if of == "triggered":
         setup = replace(SETUPS["stereo"], shots=40)

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from cubicfish.files.fingerprint import Fingerprint
 from cubicfish.files.reading import MAX_COORDINATE
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.pupil import PupilEffect
@@ -196,7 +197,7 @@ class FitRecord(ErrorStatistics):
     uncertainty: UncertaintyGrid = field(default_factory=UncertaintyGrid, metadata=_RAY)
     dropped: int = 0
     dropped_corners: tuple[DroppedCorner, ...] = field(default=(), metadata=_RAY)
-    unfit_images: Mapping[str, str] = field(default_factory=dict)
+    unfit_images: Mapping[str, Finding] = field(default_factory=dict)
     per_image: tuple[PhotoRecord, ...] = ()
 
     @classmethod
@@ -237,14 +238,6 @@ class FitRecord(ErrorStatistics):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FileRecord:
-    """An input file, as it was when it was read."""
-
-    file: str = ""
-    sha256: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Origin:
     """Where a calibration comes from, as ``made_by`` of its file says.
 
@@ -264,8 +257,8 @@ class Origin:
     date: str | None = None
     command: str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
-    target: FileRecord | None = None
-    inputs: tuple[FileRecord, ...] = ()
+    target: Fingerprint | None = None
+    inputs: tuple[Fingerprint, ...] = ()
 
     @classmethod
     def of(cls, made_by: Mapping[str, Any]) -> Origin:

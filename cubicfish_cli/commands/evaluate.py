@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run
 from cubicfish.files import StrPath
-from cubicfish_cli.inputs.paths import check_inputs, in_folder, paths_of
+from cubicfish_cli.inputs.paths import check_inputs, in_folder, kind_of_inputs, paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.terminal import figures, parameters
 from cubicfish_cli.terminal.parameters import as_command, record, target_options
 from cubicfish_cli.terminal.progress import How, report_found, report_left_out
 from cubicfish_cli.terminal.terminal import print_message, result
 from cubicfish_cli.words.phrases import plural
+from cubicfish_cli.words.sentences import render
 
 if TYPE_CHECKING:
     from cubicfish import CameraFile, CubicCamera, Evaluation, Target, Verdict
@@ -81,13 +82,14 @@ def evaluate_files(options: EvaluateOptions, *, run: Run = Run()) -> EvaluatedFi
 
     """
     paths, source = paths_of(options.inputs), TargetSource.of(options.target)
-    check_inputs(paths, source, run, image_size=options.image_size)
+    kind = kind_of_inputs(paths)
+    check_inputs(kind, paths, source, run, image_size=options.image_size)
     from cubicfish import evaluate, load_camera
     from cubicfish_cli.observe import load_inputs
 
     file = load_camera(in_folder(Path(options.camera)))
     size = file.camera.image_size
-    loaded = load_inputs(paths, source, run, image_size=options.image_size or size)
+    loaded = load_inputs(kind, paths, source, run, image_size=options.image_size or size)
     run.listener.progress("Fitting poses")
     evaluation = evaluate(file.camera, loaded.pairs)
     fit = _match_target(file, loaded, source)
@@ -105,12 +107,12 @@ def _match_target(file: CameraFile, loaded: Inputs, source: TargetSource) -> Fit
 
     If the target was refined, the nominal one leaves errors that are not the camera's.
     """
-    from cubicfish_cli.observe import recorded_as
+    from cubicfish.files import Fingerprint
 
     fit, given, nominal = file.fit, file.origin.target, loaded.nominal(source)
     digest = loaded.target_file and loaded.target_file.sha256
     if nominal is not None:
-        digest = recorded_as(nominal, Path())["sha256"]
+        digest = Fingerprint.of_text(Path(), nominal).sha256
     if given is None or digest != given.sha256 or fit.refine_target in (None, "off"):
         return fit
     # If that was not measured, errors are judged by themselves.
@@ -140,7 +142,7 @@ def command(made: EvaluatedFiles, given: EvaluateOptions, how: How) -> None:
     if made.inputs.detection is not None:
         report_found(made.inputs.photo_findings)
         for finding in made.inputs.detection.findings:
-            print_message(f"warning: {finding.line}")
+            print_message(f"warning: {render(finding).line}")
     report_unplaced(evaluation.unplaced)
     if not how.print(made):
         _print(made)

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 from cubicfish import CubicfishError, Listener, Run, UsageError, ViewError, shown
 from cubicfish.files import Content, write_files
 from cubicfish.photos.photos import SUFFIXES, VIDEO_SUFFIXES
+from cubicfish.views import ChosenView
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.undistortion.batch import Job, Views, write_many
-from cubicfish_cli.undistortion.choose import ChosenView
 from cubicfish_cli.undistortion.images import check_suffix, part_name
 from cubicfish_cli.words.phrases import plural
 
@@ -73,13 +73,13 @@ def _record_failure(name: str, error: CubicfishError) -> dict[str, Any]:
     from cubicfish import Finding
     from cubicfish.judge import Severity
     from cubicfish.judge.codes import Code
-    from cubicfish_cli.words.catalogue import write_error
+    from cubicfish_cli.words.sentences import record_of, render_error
 
-    problem = write_error(error)
+    problem = render_error(error)
     failed = Finding(
         code=Code.FAILED, severity=Severity.BAD, images=(name,), figures={"problem": problem}
     )
-    return {**failed.as_record(), "image": name, "problem": problem}
+    return {**record_of(failed), "image": name, "problem": problem}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,12 +6,13 @@ import os
 import sys
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import click
 
 from cubicfish import OutputError, PhotoError, Run, UsageError
 from cubicfish.files import StrPath
+from cubicfish.views import Interpolation, ViewOptions
 from cubicfish_cli.commands.view_options import (
     report_unseen,
     view_options,
@@ -23,12 +24,7 @@ from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_always, print_message, print_wrote, result
-from cubicfish_cli.undistortion.options import (
-    INTERPOLATIONS,
-    Interpolation,
-    PlaneOptions,
-    ViewOptions,
-)
+from cubicfish_cli.undistortion.options import PlaneOptions
 from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
@@ -60,7 +56,7 @@ class PictureOptions:
     interpolation: Interpolation = option(
         "--interpolation",
         "How values between pixels are worked out.",
-        click.Choice(INTERPOLATIONS),
+        click.Choice(get_args(Interpolation)),
         "linear",
     )
     quality: int | None = option(
@@ -271,11 +267,11 @@ def print_pictures(made: UndistortedFiles, how: How) -> None:
     number, failures = len(made.written) + len(made.failures), list(made.failures.items())
     if not how.print(made):
         if failures and number > 1:
-            from cubicfish_cli.words.catalogue import write_error
+            from cubicfish_cli.words.sentences import render_error
 
             for name, error in failures[:_FEW]:
                 shot = f"shot {name}: " if made.kind == "shot" else ""
-                print_always(f"failed: {shot}{write_error(error)}")
+                print_always(f"failed: {shot}{render_error(error)}")
         if len(failures) > _FEW:
             print_always(f"and {len(failures) - _FEW:,} more, which --json lists")
         if made.skipped:

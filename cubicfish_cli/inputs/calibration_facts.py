@@ -306,9 +306,7 @@ def facts_of_files(
     folder = camera_file.parent
     absent: list[str] = []
     refined = loaded.fit.refine_target in REFINED
-    nominal, its = target or _find_beside(folder, _TARGET), origin.target
-    if target is None and its is not None:
-        nominal = _find_recorded(its.file, its.sha256, folder) or nominal
+    nominal = target or _find_recorded(origin.target, folder) or _find_beside(folder, _TARGET)
     if refined:
         nominal = _find_beside(folder, _REFINED) or target
     thing = None if nominal is None else target_in(nominal)
@@ -365,10 +363,7 @@ def _find_table(beside: Path, folder: Path, origin: Origin, target: Target | Non
     """The table of corners or points: beside the camera, else the one that it came from."""
     if target is not None and beside.is_file():
         return beside
-    if len(origin.inputs) != 1:
-        return None
-    (its,) = origin.inputs
-    table = _find_recorded(its.file, its.sha256, folder)
+    table = _find_recorded(origin.inputs[0], folder) if len(origin.inputs) == 1 else None
     is_csv = table is not None and table.suffix.lower() == ".csv"
     return table if is_csv and (origin.target is None or target is not None) else None
 
@@ -401,11 +396,13 @@ def _find_beside(folder: Path, name: str) -> Path | None:
     return path if path.is_file() else None
 
 
-def _find_recorded(file: str, sha256: str, folder: Path) -> Path | None:
-    """A file that is on record, if it is there and still the same."""
-    path = _place(Path(file), folder)
+def _find_recorded(record: Fingerprint | None, folder: Path) -> Path | None:
+    """The file that a record names, if it is there and still the same."""
+    if record is None:
+        return None
+    path = _place(Path(record.file), folder)
     try:
-        return path if path and Fingerprint.of(path).sha256 == sha256 else None
+        return path if path and Fingerprint.of(path).sha256 == record.sha256 else None
     except CubicfishError:
         return None
 

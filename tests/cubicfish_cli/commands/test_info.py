@@ -14,14 +14,14 @@ import yaml
 from running import SAMPLE, Run
 from synthetic_lenses import synthetic_lens
 
-from cubicfish import CubicCamera, load_camera
+from cubicfish import CubicCamera, build_view, load_camera
+from cubicfish.judge import FitRecord
 from cubicfish.judge.camera_facts import field_seen
-from cubicfish.judge.fit_record import FitRecord
+from cubicfish.views import ViewOptions, choose_view
 from cubicfish.views.fields import lost_shares
 from cubicfish_cli import save_camera
 from cubicfish_cli.commands.info import CameraInfo
-from cubicfish_cli.undistortion.choose import build_view, chosen_view
-from cubicfish_cli.undistortion.options import ViewOptions
+from cubicfish_cli.undistortion.remarks import view_remarks
 
 TRUTH = synthetic_lens("equisolid")
 
@@ -85,7 +85,7 @@ def test_a_photo_shows_its_edges_also_where_the_camera_is_not_calibrated(
         (ViewOptions(hfov_deg=30), False),
         (turned, False),
     ):
-        remarks = " ".join(chosen_view(camera, given).remarks())
+        remarks = " ".join(view_remarks(choose_view(camera, given)))
         assert ("lies beyond the picture's edges" in remarks) == reported
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from running import ROOT, SAMPLE, Run, invoke_cli
 
-from cubicfish.errors import CubicfishError
+from cubicfish import CubicfishError
 from cubicfish_cli import extension_guard
 from cubicfish_cli.extension_guard import ExtensionWarning, extensions, read_formats
 from cubicfish_cli.extension_table import GROUP
