@@ -62,9 +62,9 @@ def outcome(trial: Trial) -> tuple[Trial, str, list[str], list[str]]:
     except FitError as error:
         return trial, "stopped", [], [str(error)]
     judged = verdict(found.fit, pairs.image_size, found.camera.outline())
-    words = [finding.line for finding in found.findings if finding.severity == "bad"]
+    words = [str(finding) for finding in found.findings if finding.severity == "bad"]
     if judged.level == "bad" and not words:
-        words = [f"verdict: {judged.line}"]
+        words = [f"verdict: {judged}"]
     return (
         trial,
         judged.level,

@@ -17,13 +17,14 @@ from cubicfish import (
     load_corners,
 )
 from cubicfish.files import Fingerprint
-from cubicfish.find.identification.identified import line_of
 from cubicfish.io.corners_csv import load_correspondences
 from cubicfish.photos.photos import VIDEO_SUFFIXES
 from cubicfish.target.target import target_text
 from cubicfish_cli.inputs.paths import InputKind, is_recording, named_photos
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.words.phrases import plural
+from cubicfish_cli.words.remarks import line_of
+from cubicfish_cli.words.sentences import record_of
 
 if TYPE_CHECKING:
     from cubicfish import Calibration
@@ -84,7 +85,7 @@ class Inputs:
         found = self.photo_findings
         return {
             "photo_problems": None if self.detection is None else list(map(line_of, found)),
-            "remarks": [one.as_record() for one in (*found, *more)],
+            "remarks": [record_of(one) for one in (*found, *more)],
         }
 
 

@@ -392,7 +392,7 @@ def _sort_sides(size: Size) -> Size:
 
 def many_lost(evidence: PhotoEvidence) -> list[Finding]:
     """Find that one reason loses more than a third of the photos in which boards were found."""
-    lost = defaultdict[Code, list[Finding]](list)
+    lost = defaultdict[str, list[Finding]](list)
     for one in evidence.lost:
         lost[one.code].append(one)
     own = max(lost.values(), key=len, default=[])

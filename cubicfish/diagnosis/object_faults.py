@@ -117,7 +117,7 @@ def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | 
         found = []
         for finding, changed in level(seen):
             points = {**seen.nominal, **changed}
-            after = seen.difference(points, mirror=finding.code is Code.MIRRORED)
+            after = seen.difference(points, mirror=finding.code == Code.MIRRORED)
             if after <= _EXPLAINED * before:
                 found.append(Fault(finding=finding, before=before, after=after, points=points))
         if found:
@@ -343,7 +343,7 @@ def find_wrong_layout(evidence: GridEvidence) -> list[Finding]:
     total = sizes[chosen].sum()
     best, most = None, _FITS
     for finding, other in _try_layouts(target):
-        mirrored = chosen if finding.code is Code.MIRRORED else chosen[:0]
+        mirrored = chosen if finding.code == Code.MIRRORED else chosen[:0]
         share = float(name_with(other, chosen, mirrored).sum() / total)
         if share > most:
             best, most = describe(finding, chosen, share * total), share + _CLEARLY

@@ -90,7 +90,7 @@ class CameraRecord(CameraFacts):
 
     def __str__(self) -> str:
         """The camera's key figures and the verdict."""
-        return f"{self.line}\n{self.verdict.line}" if self.is_measured else self.line
+        return f"{self.line}\n{self.verdict}" if self.is_measured else self.line
 
     def __repr__(self) -> str:
         """The camera's key figures, no arrays."""

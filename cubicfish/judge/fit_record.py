@@ -195,7 +195,7 @@ class FitRecord(ErrorStatistics):
     uncertainty: UncertaintyGrid = field(default_factory=UncertaintyGrid, metadata=_RAY)
     dropped: int = 0
     dropped_corners: tuple[DroppedCorner, ...] = field(default=(), metadata=_RAY)
-    unfit_images: Mapping[str, str] = field(default_factory=dict)
+    unfit_images: Mapping[str, Finding] = field(default_factory=dict)
     per_image: tuple[PhotoRecord, ...] = ()
 
     @property

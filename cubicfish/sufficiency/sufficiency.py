@@ -159,9 +159,8 @@ def explain_insufficiency(
     """
     reasons = [one for one in judged.reasons if one.asks_for_photos]
     if judged.level == "bad" and judged.reasons[0] not in reasons:
-        first = judged.reasons[0]
-        texts = {"against": first.why, "mend": first.do}
-        reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=texts))
+        first = {"reason": judged.reasons[0]}
+        reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=first))
     if goal is not None and now is not None and now.p95_px > goal:
         figures = {"p95_px": now.p95_px, "goal_px": goal}
         reasons.append(Finding(code=Code.NOT_CERTAIN, severity=Severity.CARE, figures=figures))

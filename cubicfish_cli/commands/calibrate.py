@@ -47,6 +47,7 @@ from cubicfish_cli.terminal.terminal import (
     result,
 )
 from cubicfish_cli.words.phrases import counted, plural
+from cubicfish_cli.words.sentences import render, with_texts
 
 if TYPE_CHECKING:
     from cubicfish import Calibration, CubicCamera, Target, Verdict
@@ -192,13 +193,15 @@ class CalibratedFiles:
 
     def as_record(self) -> dict[str, Any]:
         """Return plain data: what ``cubicfish calibrate --json`` prints."""
+        from cubicfish_cli.words.camera import verdict_record
+
         return {
             **self.fitted.as_record(),
             **self.inputs.remarks(self.fitted.unfit.values()),
             **({} if self.advice is None else {"advice": self.advice}),
             "summary": self.fitted.line,
             "chosen": self.fitted.made_by.get("chosen"),
-            "verdict": self.fitted.verdict.as_record(),
+            "verdict": verdict_record(self.fitted.verdict),
             "report": self.files.get("report"),
             "files": self.files,
             "model": self.files["camera"],
@@ -220,7 +223,8 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = Run()) -> Calibrate
     observed = _observe(options, run)
     nominal = observed.nominal(options.source)
     fitted, observed = _fit(observed, options, run)
-    fitted = replace(fitted, made_by=_explain_origin(observed, nominal, goals, options, run))
+    made_by = _explain_origin(observed, nominal, goals, options, run)
+    fitted = replace(fitted, fit=with_texts(fitted.fit), made_by=made_by)
     contents = _make_contents(fitted, observed, goals, nominal, run)
     run.listener.progress("Writing")
     written = plan.write({goals[kind]: content for kind, content in contents.items()})
@@ -402,7 +406,7 @@ def _report_findings(fit: FitRecord) -> None:
         place = f"{one.image} {one.board} column {one.column} row {one.row}"
         detail(f"dropped: {place}: {one.error_px:.1f} px off")
     for finding in fit.findings:
-        print_message(f"{figures.mark_of(finding)}: {finding.line}")
+        print_message(f"{figures.mark_of(finding)}: {render(finding).line}")
 
 
 def _print_calibration(made: CalibratedFiles) -> None:
@@ -504,7 +508,7 @@ def print_next_steps(
     """
     lines = []
     if judged.level == "bad":
-        lines.append(judged.reasons[0].do)
+        lines.append(render(judged.reasons[0]).do)
         if judged.reasons[0].asks_for_photos:
             lines.append(f"cubicfish advise{_name_folder(camera)}")
     else:

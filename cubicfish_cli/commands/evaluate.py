@@ -17,6 +17,7 @@ from cubicfish_cli.terminal.parameters import as_command, record, target_options
 from cubicfish_cli.terminal.progress import How, report_found, report_left_out
 from cubicfish_cli.terminal.terminal import print_message, result
 from cubicfish_cli.words.phrases import plural
+from cubicfish_cli.words.sentences import render
 
 if TYPE_CHECKING:
     from cubicfish import CameraFile, CubicCamera, Evaluation, Target, Verdict
@@ -146,7 +147,7 @@ def command(made: EvaluatedFiles, given: EvaluateOptions, how: How) -> None:
     if made.inputs.detection is not None:
         report_found(made.inputs.photo_findings)
         for finding in made.inputs.detection.findings:
-            print_message(f"warning: {finding.line}")
+            print_message(f"warning: {render(finding).line}")
     report_unplaced(evaluation.unplaced)
     if not how.print(made):
         _print(made)

@@ -44,6 +44,7 @@ class CameraInfo:
     def as_record(self) -> dict[str, Any]:
         """Return plain data: what ``cubicfish info --json`` prints."""
         from cubicfish.judge.records import plain_record
+        from cubicfish_cli.words.camera import verdict_record
 
         known = self.known
         fit, seen, origin = known.fit, known.field, known.origin
@@ -72,7 +73,7 @@ class CameraInfo:
             "horizontal_deg": seen and seen.horizontal,
             "vertical_deg": seen and seen.vertical,
             "diagonal_deg": seen and seen.diagonal,
-            "verdict": known.verdict.as_record() if known.is_measured else None,
+            "verdict": verdict_record(known.verdict) if known.is_measured else None,
         }
 
 

@@ -271,11 +271,11 @@ def print_pictures(made: UndistortedFiles, how: How) -> None:
     number, failures = len(made.written) + len(made.failures), list(made.failures.items())
     if not how.print(made):
         if failures and number > 1:
-            from cubicfish_cli.words.catalogue import write_error
+            from cubicfish_cli.words.sentences import render_error
 
             for name, error in failures[:_FEW]:
                 shot = f"shot {name}: " if made.kind == "shot" else ""
-                print_always(f"failed: {shot}{write_error(error)}")
+                print_always(f"failed: {shot}{render_error(error)}")
         if len(failures) > _FEW:
             print_always(f"and {len(failures) - _FEW:,} more, which --json lists")
         if made.skipped:

@@ -70,8 +70,11 @@ def print_spread(errors: ErrorStatistics) -> None:
 
 def print_verdict(judged: Verdict) -> None:
     """Print the verdict in a line, and what else is against the camera in a line each."""
-    result(f"verdict: {judged.line}", mark=(judged.words, judged.level))
-    for reason in judged.reasons[1:]:
+    from cubicfish_cli.words.camera import verdict_line
+    from cubicfish_cli.words.sentences import render
+
+    result(f"verdict: {verdict_line(judged)}", mark=(judged.words, judged.level))
+    for reason in map(render, judged.reasons[1:]):
         result(f"  also: {reason.why}; {reason.do}")
 
 
@@ -156,7 +159,7 @@ def lost_word(photo: PhotoReport) -> str:
 
     why = photo.refusal.code if photo.refusal is not None else None
     if why in (Code.OTHER_SIZE, Code.CANNOT_BE_READ):
-        return "another size" if why is Code.OTHER_SIZE else "cannot be read"
+        return "another size" if why == Code.OTHER_SIZE else "cannot be read"
     return "left out" if why is None else "nothing found"
 
 
@@ -186,13 +189,14 @@ def fitted_rows(
     from cubicfish.judge.finding import level_of
     from cubicfish.judge.verdict import photo_verdicts
     from cubicfish_cli.words.camera import photo_words
+    from cubicfish_cli.words.sentences import render_short
 
     out = Counter(corner.image for corner in dropped)
     rows = [
         PhotoRow(
             name=one.image,
             words=photo_words(findings),
-            short="; ".join(one.short for one in findings),
+            short="; ".join(render_short(one) for one in findings),
             level=level_of(findings),
             boards=by_board.get(one.image, {}),
             corners=one.corners,

@@ -4,6 +4,7 @@ from cubicfish import CubicCamera, Observations
 from cubicfish.judge.camera_facts import CameraFacts
 from cubicfish.judge.codes import Code
 from cubicfish.sufficiency.sufficiency import CoverageGaps, Part, explain_insufficiency
+from cubicfish_cli.words.sentences import render
 
 _PARTS = 2
 
@@ -38,8 +39,9 @@ def summary(known: CameraFacts, pairs: Observations) -> str | None:
         certain = f", and 95 % of it is certain to {now.p95_px:.3f} px" if now else ""
         covered = f"corners cover {100 * gaps.cells.coverage:.0f} % of the field"
         return f"enough photos: {covered}{certain}"
-    if reasons[0].code is Code.NOT_TRUSTED:
-        return f"heed the verdict first: {reasons[0].figures['mend']}"
+    if reasons[0].code == Code.NOT_TRUSTED:
+        return f"heed the verdict first: {render(reasons[0].figures['reason']).do}"
+    what = render(reasons[0]).what
     where = "; ".join(map(part_words, gaps.parts[:_PARTS]))
-    next_ones = f"show the target next at: {where}" if where else f"more photos: {reasons[0].what}"
+    next_ones = f"show the target next at: {where}" if where else f"more photos: {what}"
     return f"{next_ones} ('cubicfish advise' says from where)"

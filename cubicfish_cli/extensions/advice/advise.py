@@ -20,6 +20,7 @@ from cubicfish.threads import one_blas_thread
 from cubicfish_cli.extensions.advice.limited_lens import limited_lens
 from cubicfish_cli.extensions.advice.proposals import Proposal, proposed
 from cubicfish_cli.viewpoints.views import Distances, Viewpoint, WholeLens, sample_views
+from cubicfish_cli.words.sentences import record_of, render
 from cubicfish_cli.words.sufficiency import part_words
 
 PROPOSALS = 3
@@ -70,8 +71,8 @@ class Advice:
         """Return plain data for JSON."""
         return {
             "enough": self.enough,
-            "reasons": [reason.line for reason in self.reasons],
-            "findings": [reason.as_record() for reason in self.reasons],
+            "reasons": [render(reason).line for reason in self.reasons],
+            "findings": [record_of(reason) for reason in self.reasons],
             "photos": len(self.pairs.images),
             "photos_needed": self.photos_needed,
             "goal_px": self.goal_px,
@@ -80,8 +81,8 @@ class Advice:
             "coverage": self.gaps.cells.coverage,
             "empty": [{**part.as_record(), "words": part_words(part)} for part in self.gaps.parts],
             "proposals": [proposal.as_record() for proposal in self.proposals],
-            "notes": [note.line for note in self.notes],
-            "remarks": [note.as_record() for note in self.notes],
+            "notes": [render(note).line for note in self.notes],
+            "remarks": [record_of(note) for note in self.notes],
         }
 
 

@@ -151,6 +151,7 @@ def command(made: AdviceFiles, given: AdviseOptions, how: How) -> None:
 
 def _print(advice: Advice) -> None:
     from cubicfish_cli.words.camera import COVERED, uncertainty_meaning
+    from cubicfish_cli.words.sentences import render
 
     pairs = advice.pairs
     result(f"{plural(len(pairs.images), 'photo')}, {plural(len(pairs.pixel), 'corner')}")
@@ -163,7 +164,7 @@ def _print(advice: Advice) -> None:
         result("Enough: more photos are not needed.")
         result("Smaller uncertainty can be asked for with --goal.\n")
     else:
-        result("Not enough: " + "; ".join(reason.why for reason in advice.reasons) + ".")
+        result("Not enough: " + "; ".join(render(reason).why for reason in advice.reasons) + ".")
         result(_describe_how_many(advice))
         _print_gaps(advice)
         if advice.proposals:
@@ -177,7 +178,7 @@ def _print(advice: Advice) -> None:
         if advice.proposals:
             result()
     for note in advice.notes:
-        print_message(f"note: {note}")
+        print_message(f"note: {render(note).line}")
 
 
 def _describe_how_many(advice: Advice) -> str:

@@ -13,12 +13,14 @@ import numpy as np
 from cubicfish import CubicCamera
 from cubicfish.judge import Severity
 from cubicfish.judge.fit_record import DroppedCorner, origin_of
+from cubicfish.judge.verdict import LEVELS
 from cubicfish_cli.extensions.report.figures import all_figures, arrow_zoom
 from cubicfish_cli.extensions.report.pictures import MOST_CARDS, all_pictures
 from cubicfish_cli.extensions.report.scene import scene_figures
 from cubicfish_cli.inputs.calibration_facts import Facts, facts_of_fit, matched
 from cubicfish_cli.render.pages.template import day_of, template
 from cubicfish_cli.words import camera as in_words
+from cubicfish_cli.words.sentences import render
 
 if TYPE_CHECKING:
     from cubicfish import Calibration, Observations
@@ -59,7 +61,8 @@ def report_html(facts: Facts) -> str:
         fit=facts.fit,
         in_words=in_words,
         verdict=facts.known.verdict,
-        words=in_words.LEVELS,
+        words=LEVELS,
+        render=render,
         is_ray=isinstance(facts.camera, CubicCamera),
         figures=figures,
         tiles=_make_tiles(facts),
@@ -72,7 +75,7 @@ def report_html(facts: Facts) -> str:
         zoom=zoom,
         empty=_list_without_corners(facts),
         # They do not speak against the camera.
-        notes=[one.line for one in facts.fit.findings if one.severity is Severity.NOTE],
+        notes=[render(one).line for one in facts.fit.findings if one.severity is Severity.NOTE],
         dropped=sorted(facts.fit.dropped_corners, key=_rank_by_error)[:_MOST_DROPPED],
         made=origin,
         day=day_of(origin),

@@ -32,6 +32,7 @@ from cubicfish_cli.terminal.parameters import (
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import apart, print_message, print_wrote, result
 from cubicfish_cli.words.phrases import plural
+from cubicfish_cli.words.sentences import render
 
 if TYPE_CHECKING:
     from cubicfish import Rig, Target
@@ -128,10 +129,12 @@ class RigFiles:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish rig calibrate --json`` prints."""
+        from cubicfish_cli.words.camera import verdict_record
+
         return {
             **self.rig.as_record(),
             "model": str(self.files[0]),
-            "verdict": self.rig.verdict.as_record(),
+            "verdict": verdict_record(self.rig.verdict),
         }
 
 
@@ -155,6 +158,7 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = Run()) -> RigFiles:
         read_for,
     )
     from cubicfish_cli.extensions.rigs.report import write_rig_page
+    from cubicfish_cli.extensions.rigs.words import rig_with_texts
     from cubicfish_cli.films.scan import room_for_frames
     from cubicfish_cli.observe import films_among
     from cubicfish_cli.render import drawing as extra
@@ -229,6 +233,7 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = Run()) -> RigFiles:
                 refine_target=refine_target,
                 listener=listener,
             )
+            rig = rig_with_texts(rig)
             files = [file for own in loaded.values() for file in own.files]
             asked_for = {
                 "hold_lenses": options.hold_lenses,
@@ -320,7 +325,7 @@ def command(made: RigFiles, given: RigOptions, how: How) -> None:
     """
     printed = how.print(made)
     for finding in made.rig.fit.findings:
-        print_message(f"{mark_of(finding)}: {finding.line}")
+        print_message(f"{mark_of(finding)}: {render(finding).line}")
     if not printed:
         apart()
         print_rig(made.rig)

@@ -83,8 +83,8 @@ def keeping_frames(frames: Sequence[ShotFrame], folder: Path) -> Iterator[None]:
     except CubicfishError as error:
         if not frames:
             raise
-        raise type(error)(
-            f"{error}; the chosen frames stay in {folder}: go on from its folders with '--shots "
+        raise error.amid(
+            after=f"; the chosen frames stay in {folder}: go on from its folders with '--shots "
             f"{folder / 'shots.csv'}'"
         ) from error
 
@@ -184,7 +184,7 @@ def _choose(
             step = f"Finding corners in {name}"
             detection = find_corners(photos, targets, run, again=False, step=step)
         except DetectionError as error:
-            raise DetectionError(f"camera {name}: no frame can be chosen: {error}") from error
+            raise error.amid(f"camera {name}: no frame can be chosen: ") from error
         patches = Found.of(detection).patches
         for row, index, photo in zip(rows, frames, photos, strict=True):
             shots[row][column] = Seen(

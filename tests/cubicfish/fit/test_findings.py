@@ -17,6 +17,7 @@ from cubicfish.judge.codes import Code
 from cubicfish.judge.fit_record import DroppedCorner
 from cubicfish.models.radial import RadialCamera
 from cubicfish.solve.subset import select
+from cubicfish_cli.words.sentences import render
 
 TARGET = synthetic.corner_of_three()
 
@@ -64,7 +65,7 @@ def test_a_board_that_moved_in_one_photo_is_named(pairs):
     world[own] += [0, 0, 12.0]
     moved = pairs.with_world(world)
     result = fit(moved, target=TARGET, hold_out=False, diagnose=find_faults)
-    (note,) = [one for one in result.findings if one.code is Code.BOARD_DROPPED]
+    (note,) = [one for one in result.findings if one.code == Code.BOARD_DROPPED]
     assert (note.images, note.boards) == (("02.png",), ("left",))
     assert note.figures["corners"] == own.sum()
     assert result.errors.rms_px < 0.16
@@ -84,7 +85,7 @@ def test_photos_that_lost_the_same_board_are_reported_in_one_line(pairs):
     (reported,) = dropped_boards(SimpleNamespace(pairs=few, dropped=dropped))
     assert (reported.images, reported.boards) == (("00.png", "02.png"), ("left",))
     assert reported.figures["corners"] < seen
-    assert reported.line.startswith(
+    assert render(reported).line.startswith(
         f"00.png and 02.png: 17 of {reported.figures['corners']} corners of board left are off by "
         "3.0 to 8.0 px in the median"
     )
@@ -115,7 +116,7 @@ def test_a_blurred_photo_is_named_and_left_out(pairs):
     pixel[own] += np.random.default_rng(0).normal(0, 0.9, (own.sum(), 2))
     result = calibrate(replace(pairs, pixel=pixel), target=TARGET, hold_out=False)
     assert list(result.unfit) == ["06.png"]
-    assert result.unfit["06.png"].code is Code.NOISY
+    assert result.unfit["06.png"].code == Code.NOISY
     assert [(one.code, one.images) for one in result.unfit.values()] == [(Code.NOISY, ("06.png",))]
     assert "06.png" not in result.pairs.images
     assert result.errors.rms_px < 0.16

@@ -34,6 +34,7 @@ from cubicfish_cli.extensions.advice.advise import advise, distances_within
 from cubicfish_cli.extensions.advice.limited_lens import limited_lens
 from cubicfish_cli.extensions.advice.proposals import place_words, tilt_words
 from cubicfish_cli.viewpoints.views import Distances, sample_views, view_from
+from cubicfish_cli.words.sentences import render
 from cubicfish_cli.words.sufficiency import part_words, summary
 
 TARGET = corner_of_three()
@@ -310,7 +311,7 @@ def test_a_good_calibration_is_enough(fitted):
     assert "enough" not in summary(replace(fitted, fit=wrong), fitted.pairs)
     doubted = advise(replace(fitted, fit=wrong), fitted.pairs, TARGET, proposals=1)
     assert not doubted.enough
-    assert doubted.reasons[0].code is Code.NOT_TRUSTED
+    assert doubted.reasons[0].code == Code.NOT_TRUSTED
     assert "Enough" in drawn(said)
 
 
@@ -352,7 +353,7 @@ def test_pairs_without_a_target_get_regions_only(poor):
     assert "Put" not in drawn(said)
     blind = advise(replace(poor, fit=FitRecord()), poor.pairs, TARGET)
     assert (blind.now, blind.proposals) == (None, ())
-    assert blind.notes[0].code is Code.NO_POSES
+    assert blind.notes[0].code == Code.NO_POSES
 
 
 FINE = {
@@ -384,9 +385,8 @@ def test_verdict_and_advice_judge_alike_whether_photos_are_enough(changed, lacki
 def test_more_than_a_good_camera_may_be_asked_for():
     now, good = FieldUncertainty(median_px=0.05, p95_px=0.1), verdict(FitRecord(**FINE), IMAGE_SIZE)
     assert explain_insufficiency(good, now, 0.2) == []
-    assert (
-        "certain only to 0.100 px, where 0.05 px" in explain_insufficiency(good, now, 0.05)[0].line
-    )
+    (reason,) = explain_insufficiency(good, now, 0.05)
+    assert "certain only to 0.100 px, where 0.05 px" in render(reason).line
     assert summed(np.arange(101.0)) == FieldUncertainty(median_px=50.0, p95_px=95.0)
 
 
