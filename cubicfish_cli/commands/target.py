@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -159,21 +159,31 @@ def _advise_on_names(target: Target, facts: ObjectFacts) -> Iterator[str]:
         if plain and facts.named_by == "markers":
             yield _write_check("without_markers", boards=", ".join(plain), count=len(plain))
         return
-    more = len(facts.symmetries) - _MOST
-    for turn in facts.symmetries[:_MOST]:
-        yield _write_check("same", turned=_describe_turn(turn, alone=alone), alone=alone)
-    if more > 0:
-        yield _write_check("same_more", more=more)
-    oblong = any(board.has_squares and board.columns != board.rows for board in target.boards)
     if facts.symmetries:
-        yield _write_check("upright", oblong=alone and oblong)
+        yield from _advise_on_turns(target, facts.symmetries, alone=alone)
     elif alone:
         yield _write_check("by_colours", board=plain[0])
     if not alone:
-        groups = [_write_check("group", boards=own) for own in facts.look_alikes if len(own) > 1]
-        turned = [own[0] for own in facts.look_alikes if len(own) == 1]
-        alike = "; ".join([*groups, *([_write_check("itself", boards=turned)] if turned else [])])
-        yield _write_check("alike", alike=alike) if alike else _write_check("told_each")
+        yield _advise_on_look_alikes(facts)
+
+
+def _advise_on_turns(target: Target, turns: Sequence[Turn], *, alone: bool) -> Iterator[str]:
+    """Say under which turns the target looks as before, and how photos are to be taken then."""
+    for turn in turns[:_MOST]:
+        yield _write_check("same", turned=_describe_turn(turn, alone=alone), alone=alone)
+    if len(turns) > _MOST:
+        yield _write_check("same_more", more=len(turns) - _MOST)
+    oblong = any(board.has_squares and board.columns != board.rows for board in target.boards)
+    yield _write_check("upright", oblong=alone and oblong)
+
+
+def _advise_on_look_alikes(facts: ObjectFacts) -> str:
+    """Say which boards look like each other, or like themselves from the other side."""
+    alike = [_write_check("group", boards=own) for own in facts.look_alikes if len(own) > 1]
+    turned = [own[0] for own in facts.look_alikes if len(own) == 1]
+    if turned:
+        alike.append(_write_check("itself", boards=turned))
+    return _write_check("alike", alike="; ".join(alike)) if alike else _write_check("told_each")
 
 
 def _advise_on_sizes(target: Target) -> Iterator[str]:

@@ -101,13 +101,13 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = Run()) -> Un
     jobs = {name: (f"{name}{suffix}", own) for name, own in shots.items()}
     register = Plan(run, skip_existing=options.skip_existing).reads(rig_files(model, known))
     alone = len(shots) == 1
-    plan = plan_pictures("shot", jobs, Path(options.output), options, run, register, alone=alone)
+    plan = plan_pictures("shot", jobs, Path(options.output), options, register, alone=alone)
     view = options.view or ViewOptions()
     if isinstance(view, ViewOptions) and view.kind is None:
         view = replace(view, kind="equirectangular")
     body = body_for_photos(Body(cameras=known.cameras, distance=options.distance), shots)
     views = RigViews(body, chosen_view(body, view), options.interpolation)
-    return write_pictures(plan, views, model=model)
+    return write_pictures(plan, views, run, model=model)
 
 
 @as_command(
