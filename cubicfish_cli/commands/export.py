@@ -103,7 +103,22 @@ class ExportedFiles:
     warnings: tuple[str, ...] = ()
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish export --json`` prints."""
+        """Return plain data: what ``cubicfish export --json`` prints.
+
+        Keys:
+            file: what was written
+            format: its format
+            lens: the format's lens model (this and the rest not for --to maps)
+            rms_px: the RMS of the conversion
+            max_px: its largest error
+            max_angle_deg: the angle up to which these hold: how far corners reached
+            by_angle: a record a ring about the axis: from_deg, to_deg, rms_px, max_px
+            also: the errors in other ways of reading the file, where there are any
+            beyond: from_deg, to_deg, rms_px and max_px of the field where no corner was, if any
+            turned_deg: how far the frame was turned
+            lens_from_camera: that turn, a 3x3 matrix
+
+        """
         return self.record
 
 

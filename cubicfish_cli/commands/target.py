@@ -77,7 +77,25 @@ class TargetCheck:
     drawing: Path | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data for JSON."""
+        """Return plain data for JSON.
+
+        Keys:
+            units: of all lengths
+            boards: a record per board: its keys in target.yaml, columns, rows, square, print,
+                and where it faces
+            corners: how many corners the target has
+            planes: on how many planes they are
+            flat: whether all corners are on one plane
+            named_by: what names corners in photos: markers, geometry or table
+            ambiguous: whether boards, or the whole target, can be mistaken for something else
+            symmetries: turns that take the target onto itself
+            look_alikes: groups of boards that look the same in photos; of one: it does when
+                turned
+            crossing: pairs of boards that cut through each other
+            advice: what to do, a record each: about, text
+            drawing: the file of --draw, where it was asked for
+
+        """
         return {
             "units": self.target.units,
             "boards": [_record_board(board) for board in self.target.boards],

@@ -74,7 +74,18 @@ class ChosenFrames:
     films: tuple[dict[str, Any], ...]
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish frames --json`` prints."""
+        """Return plain data: what ``cubicfish frames --json`` prints.
+
+        Keys:
+            photos: the pictures of the frames chosen
+            sheet: the page that shows those chosen
+            frames: how many frames the films have
+            looked_at: in how many of them corners were looked for
+            ended: why no more were chosen, in a sentence
+            films: a record a film: film, frames, image_size, seconds, turned_deg (what players
+                are told), missing (how many frames could not be decoded), problem
+
+        """
         return dict(vars(self))
 
 

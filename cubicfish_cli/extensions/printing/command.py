@@ -133,7 +133,15 @@ class PrintedFiles:
     paper: Paper
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish target print --json`` prints."""
+        """Return plain data: what ``cubicfish target print --json`` prints.
+
+        Keys:
+            boards: the file of the pages
+            target: target.yaml, where a target was made
+            paper: the paper's name
+            pages: a record a page: board, size_mm, corner_0_0_mm
+
+        """
         pages = [
             {
                 "board": page.board.name,

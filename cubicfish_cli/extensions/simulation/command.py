@@ -165,7 +165,18 @@ class SimulatedFiles:
     seed: int
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish simulate --json`` prints."""
+        """Return plain data: what ``cubicfish simulate --json`` prints.
+
+        Keys:
+            photos: the photos' files
+            corners: how many corners can be seen in them
+            image_size: [width, height]
+            seed: the seed
+            true_corners: the file with the corners' true places
+            true_poses: the file with the true poses
+            true_camera: the file with the true camera
+
+        """
         named = ("photos", "corners", "image_size", "seed")
         return {**{name: getattr(self, name) for name in named}, **self.truth}
 
