@@ -19,15 +19,13 @@ from typing import Any, Self, TypeVar
 import numpy as np
 
 from cubicfish import Calibration, FitError, FloatArray, Observations, Target
-from cubicfish.angles import angle_from_axis, columns
 from cubicfish.fit.cubic_fit import fit_cubic
 from cubicfish.fit.folds import folds_of
 from cubicfish.fit.nearest_cubic import MARGIN_DEG, cone_angle
 from cubicfish.fit.prior import Prior, choose_prior
 from cubicfish.fit.radial_reference import RadialReference, radial_near, refit_radial
-from cubicfish.models import RadialCamera
-from cubicfish.models.formula_lens import FocalLens, FormulaLens, usable_angle_deg
-from cubicfish.models.sphere import cone_rays
+from cubicfish.models import FocalLens, FormulaLens, RadialCamera, angle_from_axis, cone_rays
+from cubicfish.models.formula_lens import usable_angle_deg
 from cubicfish.solve.adjustment import Adjustment, adjust
 from cubicfish.solve.fit_lens import FitLens, FixedLens, FreeLens, nearest_lens
 from cubicfish.solve.poses import Poses
@@ -113,7 +111,7 @@ class FieldOfViewLens(SymmetricLens):
         if not 0 < omega < np.pi:
             return np.full(len(points), np.inf)
         a = 2 * np.tan(omega / 2)
-        x, y, z = columns(points)
+        x, y, z = np.moveaxis(np.asarray(points, float), -1, 0).copy()
         rho = np.hypot(x, y)
         axis = (rho < _NEAR_AXIS * np.abs(z)) & (z > 0)
         value = np.where(axis, a / z, np.arctan2(a * rho, z) / np.where(axis, 1, rho)) / omega

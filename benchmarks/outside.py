@@ -35,7 +35,7 @@ from synthetic_lenses import SYNTHETIC_LENSES, synthetic_lens
 from cubicfish import CubicfishError, Target
 from cubicfish.comparison import aligned_difference
 from cubicfish.fit.calibrate import calibrate
-from cubicfish.models.sphere import cone_rays
+from cubicfish.models import cone_rays
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses
 
 SIZE = TRUE_LENS.image_size

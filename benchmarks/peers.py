@@ -36,7 +36,6 @@ from cubicfish.solve.fit_lens import FitLens, FixedLens, FreeLens
 from cubicfish.solve.poses import Poses
 from cubicfish.solve.statistics import huber_px, rms_px
 from cubicfish.solve.subset import select_photos
-from cubicfish.target.target import load_target
 from cubicfish_cli.extensions.formats.lenses import UnifiedLens
 
 FloatArray = npt.NDArray[np.float64]
@@ -196,7 +195,7 @@ def main() -> None:
     parser.add_argument("--mrcal", metavar="PYTHON")
     parser.add_argument("--opencv", metavar="PYTHON")
     options = parser.parse_args()
-    target = load_target(options.data / "target.yaml")
+    target = Target.load(options.data / "target.yaml")
     if len(target.boards) != 1:
         parser.error("the peers take one flat board only")
     board = target.boards[0]

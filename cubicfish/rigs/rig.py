@@ -32,7 +32,7 @@ from cubicfish.judge.fit_record import NAN, ErrorStatistics, FitRecord, PoseReco
 from cubicfish.judge.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
 from cubicfish.judge.verdict import Verdict
 from cubicfish.models.cubic import CubicCamera
-from cubicfish.target.target import Target, target_text
+from cubicfish.target.target import Target
 from cubicfish.types import FloatArray
 from cubicfish.wording import did_you_mean, quoted
 
@@ -319,7 +319,7 @@ def save_rig(
             one.camera, fit=one.fit, made_by={"title": one.name, **origin}
         )
     if rig.target is not None:
-        texts[place / REFINED] = target_text(rig.target)
+        texts[place / REFINED] = rig.target.text()
     return write_files(texts, overwrite=overwrite, folder=place)
 
 

@@ -286,7 +286,6 @@ def _make_contents(
     """
     from cubicfish import Calibration
     from cubicfish.io.corners_csv import corners_text
-    from cubicfish.target.target import target_text
 
     contents: dict[str, Content | None] = {"drawn": nominal, "camera": fitted.text()}
     if corners is not None:
@@ -294,7 +293,7 @@ def _make_contents(
     if isinstance(fitted, Calibration):
         contents["map"] = _make_map(fitted.camera)
         if fitted.refined != "off" and fitted.target is not None:
-            contents["target"] = target_text(fitted.target)
+            contents["target"] = fitted.target.text()
     return contents
 
 

@@ -178,7 +178,7 @@ def _advise_on_names(target: Target, facts: ObjectFacts) -> Iterator[str]:
 
 def _advise_on_sizes(target: Target) -> Iterator[str]:
     """Doubt lengths that look like those of another unit."""
-    from cubicfish.units import MILLIMETRES
+    from cubicfish.target import MILLIMETRES
 
     factor = MILLIMETRES.get(target.units.lower(), 0.0)
     for board in target.boards:

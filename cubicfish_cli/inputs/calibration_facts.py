@@ -26,7 +26,6 @@ from cubicfish import (
     load_corners,
     quoted,
 )
-from cubicfish.angles import angle_from_axis
 from cubicfish.files import Fingerprint
 from cubicfish.fit.coverage import FieldCells, field_cells
 from cubicfish.io.camera_yaml import CameraRecord
@@ -34,6 +33,7 @@ from cubicfish.io.corners_csv import load_correspondences
 from cubicfish.judge import FitRecord, PhotoRecord
 from cubicfish.judge.fit_record import FileRecord, Origin
 from cubicfish.judge.verdict import photo_verdicts
+from cubicfish.models import angle_from_axis
 from cubicfish.photos import find_photos
 from cubicfish.solve.statistics import rms_px
 from cubicfish.target.placement import best_named

@@ -8,7 +8,7 @@ from typing import Any
 
 from cubicfish import listed
 from cubicfish.files import FrameName
-from cubicfish.units import MILLIMETRES
+from cubicfish.target import MILLIMETRES
 
 _MOST_FILMS = 3
 _IMPERIAL = ("in", "inch", "inches", "ft")

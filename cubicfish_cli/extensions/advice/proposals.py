@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from cubicfish import BoolArray, FloatArray
-from cubicfish.angles import angle_from_axis
 from cubicfish.judge.uncertainty import FieldUncertainty
+from cubicfish.models import angle_from_axis
 from cubicfish.sufficiency.knowledge import Knowledge
 from cubicfish.sufficiency.sufficiency import CoverageGaps, Goal, side_of
 from cubicfish_cli.viewpoints.views import Viewpoint

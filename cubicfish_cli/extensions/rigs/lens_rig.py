@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from cubicfish import Rig, ViewError, build_view, rectify
-from cubicfish.models.sphere import cone_rays
+from cubicfish.models import cone_rays
 from cubicfish.rigs import RigCamera
 from cubicfish.views import sees
 from cubicfish_cli.commands.exporting import Exported

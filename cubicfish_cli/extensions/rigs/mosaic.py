@@ -23,7 +23,6 @@ from cubicfish import (
     build_view,
     undistort,
 )
-from cubicfish.angles import unit_rays
 from cubicfish.photos import Picture
 from cubicfish.rigs import RigCamera
 from cubicfish.views import CentralView, Interpolation, sees
@@ -72,7 +71,9 @@ class Body:
         """Rays of the body (..., 3) -> points in a camera's frame, of any length where far."""
         if self.distance is None:
             return rays @ one.rotation.T
-        points = unit_rays(rays) * self.distance + self.centre
+        length = np.linalg.norm(rays, axis=-1, keepdims=True)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            points = rays / length * self.distance + self.centre
         return points @ one.rotation.T + one.translation
 
     def project(self, points: npt.ArrayLike) -> FloatArray:

@@ -22,12 +22,11 @@ pytest.importorskip("jinja2")
 from cubicfish import Calibration, CameraFile, Observations, Target, load_corners
 from cubicfish.judge.fit_record import fit_record
 from cubicfish.solve.statistics import rms_px
-from cubicfish.target.target import load_target
 from cubicfish_cli.extensions.report.page import report_html
 from cubicfish_cli.inputs.calibration_facts import Facts, gather, matched
 from cubicfish_cli.render.pages.figures import upright
 
-TARGET = load_target(SAMPLE / "target.yaml")
+TARGET = Target.load(SAMPLE / "target.yaml")
 PHOTOS = sorted((SAMPLE / "photos").iterdir())
 VOID = {"meta", "link", "img", "br"}
 MADE_BY = {
