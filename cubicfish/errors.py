@@ -19,7 +19,7 @@ class CubicfishError(Exception):
 
     Attributes:
         what: what is wrong; the whole text where nothing more is known.
-        do: what to do about it; empty where ``what`` says so. Names in braces stand for
+        do: what to do about it; empty where ``what`` says so. In both, names in braces stand for
             ``arguments``.
         about: the file that it is about, which the text begins with; empty where ``what`` names it.
         apart: whether ``what`` is a sentence of its own, after a colon.
@@ -61,12 +61,14 @@ class CubicfishError(Exception):
             tell: why and what to do, of a finding.
 
         """
-        what, do = self.what, self.do.format_map(arguments) if self.arguments else self.do
+        what, do = self.what, self.do
         if self.findings:
             why, remedy = tell(self.findings[0])
             line = f"{why}; {remedy}" if remedy else why
             what, do = (what, f"{do}; {line}" if do else line) if what else (why, remedy)
         text = f"{what}: {do}" if do else what
+        for name, own in self.arguments.items():
+            text = text.replace(f"{{{name}}}", arguments.get(name, own))
         text = f"{self.about}{':' * self.apart} {text}" if self.about else text
         return f"{self._before}{text}{self._after}"
 

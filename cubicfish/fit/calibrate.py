@@ -211,7 +211,7 @@ def _assess(
         flat=flatness(used.world) < _NEARLY_FLAT,
         prior_weight=fit.prior.weight,
         prior_spread=fit.prior.spread,
-        coverage=coverage.field_cells(camera, used.pixel).coverage,
+        coverage=coverage.FieldCells.of(camera, used.pixel).coverage,
         findings=tuple(findings),
         uncertainty=uncertainty,
         dropped=len(dropped),

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cubicfish.angles import angle_from_axis
-from cubicfish.judge.fit_record import FitRecord, Origin, origin_of
+from cubicfish.judge.fit_record import FitRecord, Origin
 from cubicfish.judge.verdict import Verdict, verdict
 from cubicfish.models.cubic import CubicCamera
 
@@ -60,7 +60,7 @@ class CameraFacts:
     @property
     def origin(self) -> Origin:
         """Where the camera comes from, as far as ``made_by`` says it."""
-        return origin_of(self.made_by)
+        return Origin.of(self.made_by)
 
     @property
     def title(self) -> str:

@@ -4,6 +4,8 @@ Its fields are the keys of ``fit`` in camera.yaml, in their order. A figure that
 NaN, and an unknown count 0; the file then has null, or no key.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -198,6 +200,11 @@ class FitRecord(ErrorStatistics):
     unfit_images: Mapping[str, Finding] = field(default_factory=dict)
     per_image: tuple[PhotoRecord, ...] = ()
 
+    @classmethod
+    def of(cls, value: object) -> FitRecord:
+        """Read a record from plain data that may hold anything; what they lack is not known."""
+        return read_record(cls, value) or cls()
+
     @property
     def says_nothing(self) -> bool:
         """Whether nothing is known of the fit, as for an imported camera."""
@@ -253,12 +260,7 @@ class Origin:
     target: Fingerprint | None = None
     inputs: tuple[Fingerprint, ...] = ()
 
-
-def origin_of(made_by: Mapping[str, Any]) -> Origin:
-    """Read the origin of a calibration from plain data, which may hold other things too."""
-    return read_record(Origin, made_by) or Origin()
-
-
-def fit_record(value: object) -> FitRecord:
-    """Read a fit's record from plain data that may hold anything; what they lack is not known."""
-    return read_record(FitRecord, value) or FitRecord()
+    @classmethod
+    def of(cls, made_by: Mapping[str, Any]) -> Origin:
+        """Read the origin of a calibration from plain data, which may hold other things too."""
+        return read_record(cls, made_by) or cls()

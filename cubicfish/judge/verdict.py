@@ -16,12 +16,7 @@ import numpy as np
 
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding, Level, level_of
-from cubicfish.judge.fit_record import (
-    DroppedCorner,
-    ErrorStatistics,
-    FitRecord,
-    PhotoRecord,
-)
+from cubicfish.judge.fit_record import ErrorStatistics, FitRecord
 from cubicfish.judge.uncertainty import CERTAIN_PX, FieldUncertainty, of_size
 from cubicfish.types import FloatArray
 
@@ -162,14 +157,13 @@ def evaluation_verdict(
     return Verdict(level=level_of(reasons), figures=stated, reasons=tuple(reasons))
 
 
-def photo_verdicts(
-    photos: Sequence[PhotoRecord], dropped: Sequence[DroppedCorner], image_size: tuple[int, int]
-) -> list[tuple[Finding, ...]]:
+def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[tuple[Finding, ...]]:
     """The findings about each photo: its errors, by themselves and beside those of the others."""
+    photos = fit.per_image
     most = _ERROR_PX[1] * of_size(image_size)
     errors = [photo.rms_px for photo in photos]
     typical = median([error for error in errors if math.isfinite(error)] or [0.0])
-    lost = Counter(corner.image for corner in dropped)
+    lost = Counter(corner.image for corner in fit.dropped_corners)
     verdicts = []
     for photo, error in zip(photos, errors, strict=True):
         own, out = list[Finding](), lost[photo.image]
@@ -200,7 +194,7 @@ def _state_fit(fit: FitRecord) -> str:
             f"{fit.covered_deg:.0f}° from the axis"
         )
     if out := len(fit.unfit_images):
-        parts.append(f"{out:,} photo{'s' * (out != 1)} left out")
+        parts.append(f"{out} photo{'s' * (out != 1)} left out")
     return ", ".join(parts) or _UNKNOWN
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish.angles import angle_from_axis, azimuth
-from cubicfish.fit.coverage import FieldCells, field_cells
+from cubicfish.fit.coverage import FieldCells
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.fit_record import FitRecord
@@ -83,7 +83,7 @@ class CoverageGaps:
             pairs: the corners that it was fitted to.
 
         """
-        cells = field_cells(camera, pairs.pixel)
+        cells = FieldCells.of(camera, pairs.pixel)
         row, column = np.nonzero(cells.field)
         rays = camera.unproject((np.stack([column, row], axis=-1) + 0.5) * cells.cell - 0.5)
         seen = np.isfinite(rays[:, 0])

@@ -6,7 +6,7 @@ import math
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -51,8 +51,7 @@ from cubicfish_cli.words.sentences import render, with_texts
 
 if TYPE_CHECKING:
     from cubicfish import Calibration, CubicCamera, Target, Verdict
-    from cubicfish.fit.model_selection import RefineTarget
-    from cubicfish.fit.point_fit import PointCalibration
+    from cubicfish.fit import PointCalibration, RefineTarget
     from cubicfish.judge import FitRecord
     from cubicfish_cli.observe import Inputs
 
@@ -288,7 +287,7 @@ def _fit(
         run.listener.tell(Event.NOT_CERTAIN, photos=len(uncertain))
     run.listener.tell(Event.FITTING, corners=len(observed.pairs.pixel))
     if options.lift == "point":
-        from cubicfish.fit.point_fit import calibrate_points
+        from cubicfish.fit import calibrate_points
 
         run.listener.progress("Fitting")
         return calibrate_points(observed.pairs, hold_out=options.hold_out), observed
@@ -343,16 +342,13 @@ def _make_contents(
 
 
 def _make_map(camera: CubicCamera) -> Content | None:
-    from cubicfish import build_map
+    from cubicfish import build_view
     from cubicfish.photos.photos import MAX_PIXELS
-    from cubicfish_cli.undistortion.choose import build_view
-    from cubicfish_cli.undistortion.map_formats import MapInBands, write_npz
+    from cubicfish.views import MapInBands
 
     if math.prod(camera.image_size) > MAX_PIXELS:
         return None
-    view = build_view(camera)
-    made = MapInBands(view=view, size=view.size, make=partial(build_map, camera, view))
-    return partial(write_npz, made=made)
+    return MapInBands.of_camera(camera, build_view(camera)).write
 
 
 @as_command(
@@ -420,9 +416,7 @@ def _print_calibration(made: CalibratedFiles) -> None:
     lost = dict.fromkeys(fitted.unfit, "left out")  # stderr has the reasons
     lost |= figures.why_lost(detection)
     by_board = figures.corners_by_board(fitted.pairs)
-    rows = figures.fitted_rows(
-        fit.per_image, fit.dropped_corners, fitted.camera.image_size, by_board, lost
-    )
+    rows = figures.fitted_rows(fit, fitted.camera.image_size, by_board, lost)
     everything = str(made.files["camera"])
     figures.print_photo_table(rows, fitted.pairs.boards, everything=everything, apart=True)
     result()
@@ -464,9 +458,9 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
     for figure in scope(fitted):
         figures.print_figure(*figure)
     if fit.pupil is not None:
-        figures.print_figure(
-            "entrance pupil", figures.px(abs(fit.pupil.rim_px)), meaning=pupil_meaning(fit.pupil)
-        )
+        pupil = fit.pupil
+        meaning = pupil_meaning(pupil.rim_px, pupil.distance, pupil.units)
+        figures.print_figure("entrance pupil", figures.px(abs(pupil.rim_px)), meaning=meaning)
     if fit.lift == "point":
         meaning = "P means something on the boards only; points off them are refused"
         if fit.rank == 20:

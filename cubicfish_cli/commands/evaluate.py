@@ -21,8 +21,7 @@ from cubicfish_cli.words.sentences import render
 
 if TYPE_CHECKING:
     from cubicfish import CameraFile, CubicCamera, Evaluation, Target, Verdict
-    from cubicfish.judge import FitRecord
-    from cubicfish.judge.uncertainty import PixelUncertainty
+    from cubicfish.judge import FieldUncertainty, FitRecord
     from cubicfish_cli.observe import Inputs
 
 
@@ -64,14 +63,13 @@ class EvaluatedFiles:
     evaluation: Evaluation
     inputs: Inputs
     camera: CubicCamera
-    uncertainty: PixelUncertainty | None
+    uncertainty: FieldUncertainty | None
     verdict: Verdict
 
     def as_record(self) -> dict[str, Any]:
         """Return plain data: what ``cubicfish evaluate --json`` prints."""
-        from cubicfish.judge.records import plain_record
-
-        uncertainty = {"uncertainty": plain_record(self.uncertainty)}
+        sigma = self.uncertainty
+        uncertainty = {"uncertainty": None if sigma is None else sigma.as_record()}
         return {**self.evaluation.as_record(), **uncertainty, **self.inputs.remarks()}
 
 
@@ -86,9 +84,7 @@ def evaluate_files(options: EvaluateOptions, *, run: Run = Run()) -> EvaluatedFi
     paths, source = paths_of(options.inputs), TargetSource.of(options.target)
     kind = kind_of_inputs(paths)
     check_inputs(kind, paths, source, run, image_size=options.image_size)
-    from cubicfish import load_camera
-    from cubicfish.fit.evaluate import evaluate
-    from cubicfish.judge.verdict import evaluation_verdict
+    from cubicfish import evaluate, load_camera
     from cubicfish_cli.observe import load_inputs
 
     file = load_camera(in_folder(Path(options.camera)))
@@ -96,14 +92,13 @@ def evaluate_files(options: EvaluateOptions, *, run: Run = Run()) -> EvaluatedFi
     loaded = load_inputs(kind, paths, source, run, image_size=options.image_size or size)
     run.listener.progress("Fitting poses")
     evaluation = evaluate(file.camera, loaded.pairs)
-    sigma = file.fit.uncertainty.over(evaluation.pairs.pixel)
     fit = _match_target(file, loaded, source)
     return EvaluatedFiles(
         evaluation=evaluation,
         inputs=loaded,
         camera=file.camera,
-        uncertainty=sigma,
-        verdict=evaluation_verdict(evaluation.errors, sigma, fit, size),
+        uncertainty=evaluation.uncertainty(fit),
+        verdict=evaluation.verdict(fit),
     )
 
 
@@ -165,11 +160,13 @@ def report_unplaced(photos: Sequence[str], of: str = "") -> None:
 
 
 def _print(made: EvaluatedFiles) -> None:
+    from cubicfish.judge import FitRecord
+
     known, pairs = made.evaluation, made.inputs.pairs
     lost = dict.fromkeys(known.unplaced, "too few corners")
     lost |= figures.why_lost(made.inputs.detection)
     by_board = figures.corners_by_board(known.pairs)
-    rows = figures.fitted_rows(known.photos, (), pairs.image_size, by_board, lost)
+    rows = figures.fitted_rows(FitRecord(per_image=known.photos), pairs.image_size, by_board, lost)
     figures.print_photo_table(rows, pairs.boards)
     photos = plural(len(known.pairs.images), "photo")
     result(f"\n{photos}, {plural(known.errors.corners, 'corner')}\n")

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 from cubicfish import CubicfishError, Listener, Run, UsageError, ViewError, shown
 from cubicfish.files import Content
 from cubicfish.photos.photos import SUFFIXES, VIDEO_SUFFIXES
+from cubicfish.views import ChosenView
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.undistortion.batch import Job, Views, write_many
-from cubicfish_cli.undistortion.choose import ChosenView
 from cubicfish_cli.undistortion.images import check_suffix
 from cubicfish_cli.words.phrases import plural
 

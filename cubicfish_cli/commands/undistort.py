@@ -7,12 +7,13 @@ import sys
 from collections.abc import Collection, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import click
 
 from cubicfish import OutputError, PhotoError, Run, UsageError
 from cubicfish.files import StrPath
+from cubicfish.views import Interpolation, ViewOptions
 from cubicfish_cli.commands.view_options import (
     report_unseen,
     view_options,
@@ -24,12 +25,7 @@ from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_always, print_message, print_wrote, result
-from cubicfish_cli.undistortion.options import (
-    INTERPOLATIONS,
-    Interpolation,
-    PlaneOptions,
-    ViewOptions,
-)
+from cubicfish_cli.undistortion.options import PlaneOptions
 from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
@@ -61,7 +57,7 @@ class PictureOptions:
     interpolation: Interpolation = option(
         "--interpolation",
         "How values between pixels are worked out.",
-        click.Choice(INTERPOLATIONS),
+        click.Choice(get_args(Interpolation)),
         "linear",
     )
     quality: int | None = option(

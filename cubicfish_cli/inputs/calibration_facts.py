@@ -28,14 +28,12 @@ from cubicfish import (
 )
 from cubicfish.angles import angle_from_axis
 from cubicfish.files import Fingerprint
-from cubicfish.fit.coverage import FieldCells, field_cells
+from cubicfish.fit import FieldCells
 from cubicfish.io.camera_yaml import CameraRecord
 from cubicfish.io.corners_csv import load_correspondences
-from cubicfish.judge import FitRecord, PhotoRecord
-from cubicfish.judge.fit_record import Origin
-from cubicfish.judge.verdict import photo_verdicts
+from cubicfish.judge import FitRecord, Origin, PhotoRecord, photo_verdicts
 from cubicfish.photos import find_photos
-from cubicfish.solve.statistics import rms_px
+from cubicfish.solve import rms_px
 from cubicfish.target.placement import best_named
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.viewpoints.truth import camera_points
@@ -43,7 +41,7 @@ from cubicfish_cli.words.camera import photo_words
 from cubicfish_cli.words.sufficiency import summary
 
 if TYPE_CHECKING:
-    from cubicfish.fit.point_fit import PointCalibration
+    from cubicfish.fit import PointCalibration
     from cubicfish.models import PointCamera
 
 REFINED = ("shape", "points")
@@ -168,7 +166,7 @@ def gather(
 
     """
     camera, fit = known.camera, known.fit
-    judged = photo_verdicts(fit.per_image, fit.dropped_corners, camera.image_size)
+    judged = photo_verdicts(fit, camera.image_size)
     verdict_words = zip(fit.per_image, judged, strict=True)
     errors = None
     pixels: tuple[tuple[str, FloatArray], ...] = ()
@@ -261,7 +259,7 @@ def _measure_errors(
         )
     is_ray = isinstance(camera, CubicCamera)
     angle = np.rad2deg(angle_from_axis(points)) if is_ray else None
-    cells = field_cells(camera, used.pixel)
+    cells = FieldCells.of(camera, used.pixel)
     return ErrorFacts(pairs=used, residual=residual, angle_deg=angle, cells=cells), None
 
 

@@ -269,7 +269,9 @@ def as_command(
                     made = do(given, run=run)
                 show(made, given, way)
             except UsageError as problem:
-                raise click.UsageError(str(problem)) from problem
+                from cubicfish_cli.words.sentences import render_error
+
+                raise click.UsageError(render_error(problem)) from problem
 
         params = options.parameters() + ways.parameters()
         shown = {"short_help": short_help, "epilog": examples(*lines), **more}

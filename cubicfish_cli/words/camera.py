@@ -5,10 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from cubicfish import Finding, Verdict
-from cubicfish.judge import FitRecord
-from cubicfish.judge.camera_facts import CameraFacts, FieldSeen
-from cubicfish.judge.pupil import PupilEffect
-from cubicfish.judge.uncertainty import FieldUncertainty
+from cubicfish.judge import CameraFacts, FieldUncertainty, FitRecord
 from cubicfish_cli.words.phrases import counted, length_words
 from cubicfish_cli.words.sentences import record_of, render
 
@@ -25,18 +22,17 @@ def lens_rows(known: CameraFacts) -> list[tuple[str, str]]:
         x, y = ("", "") if sigma is None else (f" ± {one:.2f}" for one in sigma)
         rows.append((name, f"x {value[0]:.2f}{x}, y {value[1]:.2f}{y} {unit}"))
     if known.field is not None:
-        rows.append(("field of view", _describe_field(known.field)))
+        seen = known.field
+        words = (
+            f"{seen.horizontal:.1f}° horizontal, {seen.vertical:.1f}° vertical, "
+            f"{seen.diagonal:.1f}° diagonal"
+        )
+        rows.append(("field of view", words))
     if known.fit.pupil is not None:
         pupil = known.fit.pupil
-        rows.append(("entrance pupil", f"{abs(pupil.rim_px):.3f} px: {pupil_meaning(pupil)}"))
+        meaning = pupil_meaning(pupil.rim_px, pupil.distance, pupil.units)
+        rows.append(("entrance pupil", f"{abs(pupil.rim_px):.3f} px: {meaning}"))
     return rows
-
-
-def _describe_field(seen: FieldSeen) -> str:
-    return (
-        f"{seen.horizontal:.1f}° horizontal, {seen.vertical:.1f}° vertical, "
-        f"{seen.diagonal:.1f}° diagonal"
-    )
 
 
 def scope(known: CameraFacts) -> list[tuple[str, str, str, str]]:
@@ -65,10 +61,17 @@ def uncertainty_meaning(certain: FieldUncertainty) -> str:
     return f"1σ, median over the field; 95 % of it within {certain.p95_px:.3f} px"
 
 
-def pupil_meaning(pupil: PupilEffect) -> str:
-    """Return the meaning of the size of :attr:`PupilEffect.rim_px`, which stands before it."""
-    away = length_words(pupil.distance, pupil.units or "")
-    way = "nearer to" if pupil.rim_px < 0 else "farther from"
+def pupil_meaning(rim_px: float, distance: float, units: str | None) -> str:
+    """Return the meaning of the effect of the moving pupil, whose size stands before it.
+
+    Args:
+        rim_px: how much farther from the axis a point is seen, pixels.
+        distance: of that point.
+        units: of the distance; None where it is not known.
+
+    """
+    away = length_words(distance, units or "")
+    way = "nearer to" if rim_px < 0 else "farther from"
     return f"how much {way} the axis things {away} away appear at the rim than distant ones"
 
 

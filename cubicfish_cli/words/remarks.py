@@ -4,10 +4,9 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 
-from cubicfish.find.identification.identified import PhotoReport
+from cubicfish import Finding, listed
+from cubicfish.find import PhotoReport
 from cubicfish.judge.codes import Code
-from cubicfish.judge.finding import Finding
-from cubicfish.wording import listed
 from cubicfish_cli.words.sentences import render
 
 # Figures of a grid, in which those that share the rest may differ.

@@ -235,8 +235,8 @@ def test_a_board_that_there_is_not_is_refused(calibrated: Path, tmp_path: Path) 
     ("kind", "options", "said"),
     [
         (ViewOptions, {"kind": "cubes"}, "did you mean 'cube'"),
-        (ViewOptions, {"focal": 100, "fit": 0.5}, "--scale and --fit say the same thing twice"),
-        (ViewOptions, {"hfov_deg": 200}, "--hfov 200 is too wide: a perspective view shows less"),
+        (ViewOptions, {"focal": 100, "fit": 0.5}, "focal and fit say the same thing twice"),
+        (ViewOptions, {"hfov_deg": 200}, "hfov_deg 200 is too wide: a perspective view shows less"),
     ],
 )
 def test_options_that_cannot_be_are_refused(kind: Any, options: dict[str, Any], said: str) -> None:

@@ -7,7 +7,7 @@ import yaml
 from told import raises_told
 
 from cubicfish import DetectionError, Target
-from cubicfish.find.detection.finder import find_grids
+from cubicfish.find import find_grids
 from cubicfish.find.detection.grids import negative_grids, negative_photo
 from cubicfish.observe.detection import first_pass
 from cubicfish.photos import find_photos

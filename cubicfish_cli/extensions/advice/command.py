@@ -196,13 +196,13 @@ def _describe_how_many(advice: Advice) -> str:
 
 
 def _print_gaps(advice: Advice) -> None:
-    from cubicfish_cli.words.sufficiency import part_words
+    from cubicfish_cli.words.sufficiency import gap_words
 
-    parts = advice.gaps.parts
+    parts = gap_words(advice.gaps)
     if parts:
         result("No corners here:")
         for part in parts[:_MOST_PARTS]:
-            result(f"  {part_words(part)}")
+            result(f"  {part}")
         if len(parts) > _MOST_PARTS:
             result(f"  and {plural(len(parts) - _MOST_PARTS, 'smaller part')}")
         result()

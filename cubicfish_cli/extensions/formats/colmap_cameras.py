@@ -22,8 +22,7 @@ from cubicfish import CameraFileError, FloatArray, did_you_mean, quoted
 from cubicfish.angles import angle_from_axis, columns
 from cubicfish.files import read_bytes, read_text
 from cubicfish.geometry import decentring
-from cubicfish.models import Lens, RadialCamera
-from cubicfish.models.formula_lens import FocalLens
+from cubicfish.models import FocalLens, Lens, RadialCamera
 from cubicfish_cli.extensions.formats.lenses import PinholeLens, named_lens, named_numbers
 from cubicfish_cli.foreign.file_contents import (
     LensRig,

@@ -19,8 +19,7 @@ from scipy import linalg, sparse
 
 from cubicfish import CubicCamera, FloatArray, IntArray
 from cubicfish.angles import angle_from_axis, azimuth
-from cubicfish.models import RadialCamera
-from cubicfish.models.formula_lens import FIXED, FocalLens
+from cubicfish.models import FocalLens, RadialCamera
 from cubicfish.models.sphere import cone_rays
 
 _ORDER = 3
@@ -52,10 +51,10 @@ class SplinedLens(FocalLens):
     label = "splined stereographic"
     symmetric = False
 
-    order: int = field(metadata=FIXED)
-    fov_x_deg: int = field(metadata=FIXED)
+    order: int = field(metadata=FocalLens.FIXED)
+    fov_x_deg: int = field(metadata=FocalLens.FIXED)
     control: FloatArray
-    region: FloatArray = field(metadata=FIXED)
+    region: FloatArray = field(metadata=FocalLens.FIXED)
 
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:

@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 
-from cubicfish import CubicCamera, FloatArray
-from cubicfish.comparison import aligned_difference
+from cubicfish import CubicCamera, FloatArray, aligned_difference
 from cubicfish.geometry import inside_polygon
 from cubicfish.models.sphere import ray_at
-from cubicfish.solve.statistics import rms_px
+from cubicfish.solve import rms_px
 from cubicfish_cli.inputs.calibration_facts import ErrorFacts, Facts
 from cubicfish_cli.render.difference_picture import round_up
 from cubicfish_cli.render.pages import figures as page

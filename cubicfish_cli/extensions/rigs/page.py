@@ -7,7 +7,6 @@ import numpy as np
 
 from cubicfish import Rig
 from cubicfish.judge import Severity
-from cubicfish.judge.fit_record import origin_of
 from cubicfish.judge.verdict import LEVELS
 from cubicfish_cli.render.pages.figures import (
     BOARD_COLOURS,
@@ -44,8 +43,8 @@ def rig_html(rig: Rig) -> str:
         colours=colours,
         figures={figure.name: figure},
         worst=sorted(known, key=lambda one: -one.rms_px)[:_MOST_SHOTS],
-        made=origin_of(rig.made_by),
-        day=day_of(origin_of(rig.made_by)),
+        made=rig.origin,
+        day=day_of(rig.origin),
     )
 
 

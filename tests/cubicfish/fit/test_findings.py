@@ -12,7 +12,7 @@ from cubicfish.calibration import calibrate
 from cubicfish.diagnosis.diagnose import find_faults
 from cubicfish.diagnosis.left_out import dropped_boards
 from cubicfish.fit.calibrate import calibrate as fit
-from cubicfish.fit.coverage import blind_angle, field_cells
+from cubicfish.fit.coverage import FieldCells, blind_angle
 from cubicfish.judge.codes import Code
 from cubicfish.judge.fit_record import DroppedCorner
 from cubicfish.models.radial import RadialCamera
@@ -158,7 +158,7 @@ def test_coverage_counts_the_valid_field():
 
     def coverage(pixel, outline):
         camera = SimpleNamespace(image_size=(800, 800), outline=lambda: outline)
-        return field_cells(camera, pixel).coverage
+        return FieldCells.of(camera, pixel).coverage
 
     assert coverage(corners.reshape(-1, 2), outline) == pytest.approx(0.5)
     triangle = np.array([[0, 0], [800, 0], [0, 800]], float)

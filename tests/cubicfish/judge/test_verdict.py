@@ -11,7 +11,7 @@ from plain_data import PLAIN
 from cubicfish.fit.calibration import Calibration
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
-from cubicfish.judge.fit_record import ErrorStatistics, FitRecord, fit_record
+from cubicfish.judge.fit_record import ErrorStatistics, FitRecord
 from cubicfish.judge.uncertainty import FieldUncertainty
 from cubicfish.judge.verdict import Verdict, evaluation_verdict, photo_verdicts, verdict
 from cubicfish.types import FloatArray
@@ -42,12 +42,11 @@ FAR = {"companion_held_out_rms_px": 5.0}
 def judged(
     record: dict[str, Any], size: tuple[int, int], outline: FloatArray | None = None
 ) -> Verdict:
-    return verdict(fit_record(record), size, outline)
+    return verdict(FitRecord.of(record), size, outline)
 
 
 def reported_of_photos(record: dict[str, Any]) -> list[tuple[Finding, ...]]:
-    fit = fit_record(record)
-    return photo_verdicts(fit.per_image, fit.dropped_corners, SIZE)
+    return photo_verdicts(FitRecord.of(record), SIZE)
 
 
 def test_a_good_fit_is_good() -> None:
@@ -266,7 +265,7 @@ def test_other_photos_are_judged_beside_the_fit(
 ) -> None:
     fit = {} if before is None else {"held_out_rms_px": before, "rms_px": 0.9 * before}
     judged = evaluation_verdict(
-        ErrorStatistics(rms_px=rms, p95_px=p95), None, fit_record(fit), (960, 720)
+        ErrorStatistics(rms_px=rms, p95_px=p95), None, FitRecord.of(fit), (960, 720)
     )
     assert judged.level == level
     assert words in verdict_line(judged)

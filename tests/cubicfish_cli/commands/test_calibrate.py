@@ -14,6 +14,7 @@ from cubicfish import OutputError, load_camera, load_corners
 from cubicfish.files import Fingerprint
 from cubicfish.fit import calibrate as fitting
 from cubicfish.target.target import load_target
+from cubicfish.views import MapInBands
 from cubicfish_cli import __version__
 
 CORNERS = SAMPLE / "true_corners.csv"
@@ -117,7 +118,7 @@ def test_when_one_output_fails_none_is_written(
     def fail(*_: object, **__: object) -> None:
         raise OutputError("the disk is full")
 
-    monkeypatch.setattr("cubicfish_cli.undistortion.map_formats.write_npz", fail)
+    monkeypatch.setattr(MapInBands, "write", fail)
     run("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o", tmp_path / "c", code=1)
     assert list((tmp_path / "c").iterdir()) == []
 

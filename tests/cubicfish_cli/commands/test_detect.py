@@ -9,8 +9,9 @@ import pytest
 from running import SAMPLE, Run
 
 from cubicfish import Finding, OutputError, load_corners
+from cubicfish.find import PhotoReport
 from cubicfish.find.detection.grids import FoundGrids
-from cubicfish.find.identification.identified import Decided, GridReport, PhotoReport
+from cubicfish.find.identification.identified import Decided, GridReport
 from cubicfish.judge.codes import Code
 from cubicfish.photos import Photo
 from cubicfish.target.target import load_target

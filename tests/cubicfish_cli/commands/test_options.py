@@ -29,7 +29,6 @@ from cubicfish.fit import point_fit
 from cubicfish.observe import detection, glances
 from cubicfish.rigs import alone
 from cubicfish.target.target import load_target
-from cubicfish.views import camera_for_photos
 from cubicfish.workers import cluster, pool
 from cubicfish_cli import CubicfishError, load_camera, save_camera
 from cubicfish_cli.commands import exporting
@@ -441,7 +440,7 @@ def sources(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[
     made["near"] = folder / "near.yaml"
     save_camera(made["near"], replace(camera, pupil_travel=0.05))
     made["small"] = folder / "small.yaml"
-    save_camera(made["small"], camera_for_photos(camera, (480, 360)))
+    save_camera(made["small"](camera, (480, 360)))
     made["chain"] = folder / "k.yaml"
     run_cli("export", made["small"], "--to", "kalibr-omni", "-o", made["chain"])
     made["lens"] = folder / "c.cameramodel"

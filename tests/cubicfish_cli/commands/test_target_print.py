@@ -14,7 +14,7 @@ from synthetic import IMAGE_SIZE, TRUE_LENS, rays_in_cone
 
 from cubicfish import load_camera
 from cubicfish.comparison import aligned_difference
-from cubicfish.find.detection.finder import find_grids
+from cubicfish.find import find_grids
 from cubicfish.target import Board
 from cubicfish.target.target import load_target
 from cubicfish_cli.extensions.printing.command import PrintOptions

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from cubicfish import Finding, Observations
+from cubicfish.find import PhotoReport
 from cubicfish.find.detection.grids import FoundGrids, Grid
-from cubicfish.find.identification.identified import Decided, GridReport, PhotoReport, Place
+from cubicfish.find.identification.identified import Decided, GridReport, Place
 from cubicfish.judge.codes import Code
 from cubicfish_cli.render.overlay import BOARD_COLOURS, LEFT_OUT, _Canvas, draw_found
 from cubicfish_cli.words.remarks import problem_of

@@ -35,7 +35,7 @@ from cubicfish_cli.extensions.advice.limited_lens import limited_lens
 from cubicfish_cli.extensions.advice.proposals import place_words, tilt_words
 from cubicfish_cli.viewpoints.views import Distances, sample_views, view_from
 from cubicfish_cli.words.sentences import render
-from cubicfish_cli.words.sufficiency import part_words, summary
+from cubicfish_cli.words.sufficiency import gap_words, summary
 
 TARGET = corner_of_three()
 NOISE = 0.1
@@ -208,16 +208,18 @@ def test_parts_are_named_by_the_squares_that_are_empty():
     fit = fit_of(poses_around(TARGET, 12, seed=3))
     camera, x = fit.camera, fit.pairs.pixel[:, 0]
     pairs, _ = select(fit.pairs, x < 600)
-    for part in CoverageGaps.of(camera, pairs).parts:
+    gaps = CoverageGaps.of(camera, pairs)
+    for part, words in zip(gaps.parts, gap_words(gaps), strict=True):
         assert "right" in part.sides
         assert not {"bottom", "lower left", "left", "upper left", "top"} & {*part.sides}
-        assert part_words(part).startswith("right")
+        assert words.startswith("right")
     middle = np.hypot(*(fit.pairs.pixel - camera.project([0, 0, 1.0])).T) > 120
     pairs, _ = select(fit.pairs, middle)
-    assert part_words(CoverageGaps.of(camera, pairs).parts[0]).startswith("the middle, up to 20°")
+    assert gap_words(CoverageGaps.of(camera, pairs))[0].startswith("the middle, up to 20°")
     pairs, _ = select(fit.pairs, ~middle)
-    parts = CoverageGaps.of(camera, pairs).parts
-    assert part_words(parts[0]).startswith("all around, ")
+    gaps = CoverageGaps.of(camera, pairs)
+    parts = gaps.parts
+    assert gap_words(gaps)[0].startswith("all around, ")
     assert parts[0].to_deg == camera.max_angle_deg
     assert min(part.from_deg for part in parts) == 20
 

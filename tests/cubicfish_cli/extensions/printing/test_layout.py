@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from synthetic import checkerboard
 
 from cubicfish import Target, TargetError
-from cubicfish.diagnosis.object_check import check_object
+from cubicfish.diagnosis import check_object
 from cubicfish.target.target import load_target, target_text
 from cubicfish_cli.extensions.printing.command import PrintOptions
 from cubicfish_cli.extensions.printing.layout import (

@@ -20,7 +20,7 @@ from running import SAMPLE, run_cli
 pytest.importorskip("jinja2")
 
 from cubicfish import Calibration, CameraFile, Observations, Target, load_corners
-from cubicfish.judge.fit_record import fit_record
+from cubicfish.judge.fit_record import FitRecord
 from cubicfish.solve.statistics import rms_px
 from cubicfish.target.target import load_target
 from cubicfish_cli.extensions.report.page import report_html
@@ -93,7 +93,7 @@ def facts_of(
     return gather(
         CameraFile(
             camera=fitted.camera,
-            fit=fit_record({**fitted.as_record(), **(fit or {})}),
+            fit=FitRecord.of({**fitted.as_record(), **(fit or {})}),
             made_by=made_by or MADE_BY,
         ),
         pairs=pairs,

@@ -29,7 +29,7 @@ from cubicfish_cli import (
     save_corners,
     save_target,
 )
-from cubicfish_cli.extensions.rigs.inputs import named_by
+from cubicfish_cli.extensions.rigs.naming import named_by
 from cubicfish_cli.viewpoints.truth import rotation_matrix
 from cubicfish_cli.words.sentences import render
 

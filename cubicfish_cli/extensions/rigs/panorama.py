@@ -12,14 +12,22 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import CubicCamera, FloatArray, Rig, UndistortMap, View, ViewError, build_map
+from cubicfish import (
+    CubicCamera,
+    FloatArray,
+    Rig,
+    UndistortMap,
+    View,
+    ViewError,
+    build_map,
+    build_view,
+    undistort,
+)
 from cubicfish.angles import unit_rays
 from cubicfish.photos import Picture
 from cubicfish.rigs import RigCamera
-from cubicfish.views import CentralView, sees
+from cubicfish.views import CentralView, Interpolation, sees
 from cubicfish.views.view import matrix_of_rotation, rotation_vector
-from cubicfish_cli.undistortion.choose import build_view
-from cubicfish_cli.undistortion.images import remap_picture
 
 Floats = npt.NDArray[np.float32]
 
@@ -109,7 +117,7 @@ class _Along:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Mosaic:
+class Panorama:
     """What it takes to make one picture of all cameras' photos.
 
     Attributes:
@@ -132,7 +140,7 @@ class Mosaic:
         return replace(self.maps[0], valid=valid)
 
     def render(
-        self, photos: Mapping[str, Picture], interpolation: str = "linear"
+        self, photos: Mapping[str, Picture], interpolation: Interpolation = "linear"
     ) -> tuple[Picture, npt.NDArray[np.bool_]]:
         """One picture of the photos of a shot, and where it shows something (H, W).
 
@@ -158,7 +166,8 @@ class Mosaic:
         for number in there:
             name = self.cameras[number]
             try:
-                parts.append(remap_picture(photos[name], self.maps[number], interpolation))
+                made = undistort(photos[name], self.maps[number], interpolation=interpolation)
+                parts.append(made)
             except ViewError as problem:
                 raise ViewError(f"camera {name}: {problem}") from problem
         wide = (slice(None), slice(None), *(None,) * (parts[0].ndim - 2))
@@ -175,7 +184,7 @@ class Mosaic:
         return np.where(shown[wide], mean, parts[0]).astype(parts[0].dtype), shown
 
 
-def mosaic_of(body: Body, view: View) -> Mosaic:
+def build_panorama(body: Body, view: View) -> Panorama:
     """Prepare to make pictures of a view of the body's frame.
 
     Raises:
@@ -195,7 +204,7 @@ def mosaic_of(body: Body, view: View) -> Mosaic:
         weights.append(np.where(made.valid, share, np.float32(0)).astype(np.float32))
     if not maps:
         raise ViewError("no camera of the rig sees anything of this view: look elsewhere")
-    return Mosaic(view=view, cameras=tuple(names), maps=tuple(maps), weights=tuple(weights))
+    return Panorama(view=view, cameras=tuple(names), maps=tuple(maps), weights=tuple(weights))
 
 
 def edge_distance(camera: CubicCamera) -> Floats:
@@ -242,4 +251,4 @@ def stitch(
         rig.camera(name)
     body = Body(cameras=rig.cameras, distance=distance)
     chosen = build_view(body, "equirectangular") if view is None else view
-    return mosaic_of(body, chosen).render(dict(photos))[0]
+    return build_panorama(body, chosen).render(dict(photos))[0]
