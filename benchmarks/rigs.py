@@ -43,10 +43,8 @@ from cubicfish import (
     load_corners,
 )
 from cubicfish.models.sphere import cone_rays
-from cubicfish.rigs import load_times
-from cubicfish.solve.subset import select_photos
-from cubicfish.rigs.shots import Times
 from cubicfish.target.target import load_target
+from cubicfish_cli.extensions.rigs.tables import load_times
 from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 
 NOISE = CornerErrors(noise=0.1, shared=0.0, spread=0.0)

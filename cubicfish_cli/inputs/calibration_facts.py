@@ -28,12 +28,12 @@ from cubicfish import (
 )
 from cubicfish.angles import angle_from_axis
 from cubicfish.files import Fingerprint
-from cubicfish.fit import FieldCells
 from cubicfish.io.camera_yaml import CameraRecord
 from cubicfish.io.corners_csv import load_correspondences
-from cubicfish.judge import FitRecord, Origin, PhotoRecord, photo_verdicts
+from cubicfish.judge import FitRecord, Origin, PhotoRecord
 from cubicfish.photos import find_photos
 from cubicfish.solve import rms_px
+from cubicfish.sufficiency import CoverageGaps
 from cubicfish.target.placement import best_named
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.viewpoints.truth import camera_points
@@ -68,14 +68,14 @@ class ErrorFacts:
         pairs: the corners.
         residual: (N, 2) projection less pixel, pixels.
         angle_deg: (N,) from the camera's axis; None for a camera without rays.
-        cells: the field in squares, and which of them hold corners.
+        gaps: the field in squares, which of them hold corners, and which parts hold none.
 
     """
 
     pairs: Observations
     residual: FloatArray
     angle_deg: FloatArray | None
-    cells: FieldCells
+    gaps: CoverageGaps
 
     @property
     def length(self) -> FloatArray:
@@ -166,8 +166,7 @@ def gather(
 
     """
     camera, fit = known.camera, known.fit
-    judged = photo_verdicts(fit, camera.image_size)
-    verdict_words = zip(fit.per_image, judged, strict=True)
+    verdict_words = zip(fit.per_image, known.photo_verdicts, strict=True)
     errors = None
     pixels: tuple[tuple[str, FloatArray], ...] = ()
     if pairs is not None:
@@ -184,7 +183,7 @@ def gather(
         )
     return Facts(
         known=known,
-        verdict_words={photo.image: photo_words(own) for photo, own in verdict_words},
+        verdict_words={photo.image: photo_words(own.reasons) for photo, own in verdict_words},
         dropped_pixels=pixels,
         errors=errors,
         lack=lack,
@@ -259,8 +258,8 @@ def _measure_errors(
         )
     is_ray = isinstance(camera, CubicCamera)
     angle = np.rad2deg(angle_from_axis(points)) if is_ray else None
-    cells = FieldCells.of(camera, used.pixel)
-    return ErrorFacts(pairs=used, residual=residual, angle_deg=angle, cells=cells), None
+    gaps = CoverageGaps.of(camera, used)
+    return ErrorFacts(pairs=used, residual=residual, angle_deg=angle, gaps=gaps), None
 
 
 def _find_dropped(pairs: Observations, fit: FitRecord) -> BoolArray:
