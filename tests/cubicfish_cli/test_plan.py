@@ -9,13 +9,13 @@ from pathlib import Path
 
 import click
 import pytest
+import yaml
 from command_tree import commands
 from running import SAMPLE, invoke_cli
 from running import Run as RunCommand
 
 from cubicfish import OutputError, Run
 from cubicfish.photos.photos import natural_key
-from cubicfish.rigs.rig import rig_text
 from cubicfish_cli.plan import Plan
 
 READ = "read here, and would be replaced"
@@ -291,7 +291,8 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
         place = {"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "translation": [9.0, 0.0, 0.0]}
         path = f"{name}/camera.yaml"
         cameras.append({"name": name, "camera": path, "camera_from_rig": place})
-    (folder / "rig.yaml").write_text(rig_text({"units": "mm", "cameras": cameras}))
+    rig = {"cubicfish_rig": 1, "units": "mm", "cameras": cameras}
+    (folder / "rig.yaml").write_text(yaml.safe_dump(rig))
     return folder
 
 
