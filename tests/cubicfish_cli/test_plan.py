@@ -479,6 +479,32 @@ def test_outputs_that_exist_are_left_out_where_that_is_asked_for(tmp_path: Path)
         Plan(Run()).writes(old, new)
 
 
+def test_what_was_planned_is_written_and_nothing_else(plan: Plan, tmp_path: Path) -> None:
+    new, none, other, left, mine = (
+        tmp_path / name for name in ("new.txt", "none.txt", "other.txt", "left.txt", "mine.txt")
+    )
+    for old in (left, mine):
+        old.touch()
+    plan.reads(mine).writes(new, none)
+    plan.leaves(left, mine, none)
+    assert plan.write({new: "words", none: None}) == [new]
+    assert plan.removed == [left]
+    assert sorted(tmp_path.iterdir()) == sorted([new, mine])
+    with pytest.raises(AssertionError, match="not planned"):
+        plan.write({other: "words"})
+    assert not other.exists()
+
+
+def test_what_an_earlier_run_left_stays_where_nothing_may_be_replaced(tmp_path: Path) -> None:
+    (tmp_path / "left.txt").touch()
+    plan = Plan(Run())
+    plan.writes(tmp_path / "new.txt")
+    plan.leaves(tmp_path / "left.txt")
+    plan.write({tmp_path / "new.txt": "words"})
+    assert plan.removed == []
+    assert (tmp_path / "left.txt").exists()
+
+
 def test_an_output_leads_out_of_no_folder(plan: Plan, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="is outside of"):
         plan.writes(tmp_path / "results" / ".." / "a.png", within=tmp_path / "results")
