@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish import CubicfishError, OutputError, Run, UsageError
-from cubicfish.files import StrPath, write_files
+from cubicfish.files import StrPath
 from cubicfish_cli.inputs.paths import calibration_files, in_folder, path_or_none
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
@@ -140,7 +140,7 @@ def advise_files(options: AdviseOptions, *, run: Run = Run()) -> AdviceFiles:
         with extra.quiet():
             from cubicfish_cli.extensions.advice.picture import advice_picture
         picture = advice_picture(advice, drawing.suffix.lower())
-        write_files({drawing: picture}, overwrite=run.overwrite)
+        plan.write({drawing: picture})
     return AdviceFiles(model=path, advice=advice, picture=drawing)
 
 

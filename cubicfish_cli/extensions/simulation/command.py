@@ -195,7 +195,6 @@ def simulate_files(options: SimulateOptions, *, run: Run = Run()) -> SimulatedFi
 
     """
     from cubicfish import CubicCamera, Event, load_camera
-    from cubicfish.files import write_files
     from cubicfish.io.camera_yaml import camera_text
     from cubicfish.judge import FitRecord
     from cubicfish_cli.extensions.simulation.simulate import (
@@ -246,7 +245,7 @@ def simulate_files(options: SimulateOptions, *, run: Run = Run()) -> SimulatedFi
         listener.progress(_RENDERING, done, len(named))
 
     photos = {folder / name: partial(write, done) for done, name in enumerate(named, start=1)}
-    write_files({**photos, **texts}, overwrite=run.overwrite, folder=folder)
+    plan.write({**photos, **texts})
     return SimulatedFiles(
         photos=list(photos),
         truth={path.stem: path for path in texts},
