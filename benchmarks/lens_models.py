@@ -1,5 +1,8 @@
 """Other lens models on the corners of a calibration: the same loss, the same folds.
 
+    python benchmarks/lens_models.py CORNERS.csv TARGET.yaml
+
+Other programs are measured by ``open/run.py``.
 Beside those that formats of other tools hold there are two here that no format needs:
 
 - ``division`` (Fitzgibbon 2001): the ray of (x, y) is (x, y, 1 + λ(x² + y²));
@@ -10,30 +13,52 @@ Written with rays, and with the arc tangent of two arguments, both hold beyond 1
 
 from __future__ import annotations
 
+import argparse
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from cubicfish import Calibration, FitError, FloatArray, Observations, Target
-from cubicfish.angles import angle_from_axis, columns
+from cubicfish import Calibration
+from cubicfish import FitError
+from cubicfish import FloatArray
+from cubicfish import Observations
+from cubicfish import Target
+from cubicfish.angles import angle_from_axis
+from cubicfish.angles import columns
 from cubicfish.fit.cubic_fit import fit_cubic
 from cubicfish.fit.folds import folds_of
-from cubicfish.fit.nearest_cubic import MARGIN_DEG, cone_angle
-from cubicfish.fit.prior import Prior, choose_prior
-from cubicfish.fit.radial_reference import RadialReference, radial_near, refit_radial
-from cubicfish.models import FocalLens, FormulaLens, RadialCamera
+from cubicfish.fit.nearest_cubic import MARGIN_DEG
+from cubicfish.fit.nearest_cubic import cone_angle
+from cubicfish.fit.prior import Prior
+from cubicfish.fit.prior import choose_prior
+from cubicfish.fit.radial_reference import RadialReference
+from cubicfish.fit.radial_reference import radial_near
+from cubicfish.fit.radial_reference import refit_radial
+from cubicfish.models import FocalLens
+from cubicfish.models import FormulaLens
+from cubicfish.models import RadialCamera
 from cubicfish.models.formula_lens import usable_angle_deg
 from cubicfish.models.sphere import cone_rays
-from cubicfish.solve import Poses, nearest_lens, rms_px
-from cubicfish.solve.adjustment import Adjustment, adjust
-from cubicfish.solve.fit_lens import FitLens, FixedLens, FreeLens
+from cubicfish.solve import Poses
+from cubicfish.solve import nearest_lens
+from cubicfish.solve import rms_px
+from cubicfish.solve.adjustment import Adjustment
+from cubicfish.solve.adjustment import adjust
+from cubicfish.solve.fit_lens import FitLens
+from cubicfish.solve.fit_lens import FixedLens
+from cubicfish.solve.fit_lens import FreeLens
 from cubicfish.solve.statistics import wide_px
-from cubicfish.solve.subset import select, select_photos, world_scale
+from cubicfish.solve.subset import select
+from cubicfish.solve.subset import select_photos
+from cubicfish.solve.subset import world_scale
 from cubicfish.threads import one_blas_thread
+from cubicfish import calibrate
+from cubicfish import load_corners
 from cubicfish_cli.extensions.formats.lenses import DoubleSphereLens, UnifiedLens
 from cubicfish_cli.extensions.formats.ocamcalib import ScaramuzzaLens
 
@@ -321,3 +346,21 @@ def near_reference(kind: type[L], reference: RadialReference) -> L:
             f"the {kind.label} model does not reach {np.rad2deg(reference.covered):.0f}°"
         )
     return nearest_lens(starts, rays, wanted)
+
+
+def main() -> None:
+    """Print one table."""
+    parser = argparse.ArgumentParser(description="lens models on the same corners and folds")
+    parser.add_argument("corners", type=Path)
+    parser.add_argument("target", type=Path)
+    options = parser.parse_args()
+    pairs = load_corners(options.corners, load_target(options.target))
+    print(f"{'':<20}{'numbers':>9}{'RMS px':>9}{'held-out px':>13}{'seconds':>9}")
+    for one in compare_models(calibrate(pairs, refine_target="off", hold_out=True)):
+        errors = (one.rms_px, one.held_out_rms_px)
+        cells = ["-" if error is None else f"{error:.4f}" for error in errors]
+        print(f"{one.model:<20}{one.parameters:>9}{cells[0]:>9}{cells[1]:>13}{one.seconds:>9.2f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -194,7 +194,7 @@ def _state_fit(fit: FitRecord) -> str:
             f"{fit.covered_deg:.0f}° from the axis"
         )
     if out := len(fit.unfit_images):
-        parts.append(f"{out} photo{'s' * (out != 1)} left out")
+        parts.append(f"{out:,} photo{'s' * (out != 1)} left out")
     return ", ".join(parts) or _UNKNOWN
 
 

@@ -26,6 +26,15 @@ OPTIONS: Mapping[str, str] = {
     "shots": "--shots",
     "tolerance": "--tolerance",
     "lift": "--lift ray",
+    "kind": "--view",
+    "size": "--size",
+    "hfov_deg": "--hfov",
+    "vfov_deg": "--hfov",
+    "second_angle": "--hfov ...x",
+    "both_angles": "--hfov 90x60",
+    "focal": "--scale",
+    "fit": "--fit",
+    "rotate_deg": "--rotate",
     "plane": "'undistort --view plane:BOARD'",
 }
 """What the command line calls the arguments that help against an error, by their names."""
