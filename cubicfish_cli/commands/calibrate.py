@@ -416,7 +416,7 @@ def _print_calibration(made: CalibratedFiles) -> None:
     lost = dict.fromkeys(fitted.unfit, "left out")  # stderr has the reasons
     lost |= figures.why_lost(detection)
     by_board = figures.corners_by_board(fitted.pairs)
-    rows = figures.fitted_rows(fit, fitted.camera.image_size, by_board, lost)
+    rows = figures.fitted_rows(fitted, by_board, lost)
     everything = str(made.files["camera"])
     figures.print_photo_table(rows, fitted.pairs.boards, everything=everything, apart=True)
     result()

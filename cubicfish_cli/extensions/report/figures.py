@@ -47,7 +47,7 @@ def all_figures(facts: Facts) -> dict[str, page.Drawn]:
 def coverage_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     """Draw the corners, and the cells of the field that hold none."""
     plot = picture_plot(facts.camera.image_size)
-    pixel, pairs, cells = errors.pairs.pixel, errors.pairs, errors.cells
+    pixel, pairs, cells = errors.pairs.pixel, errors.pairs, errors.gaps.cells
     keys = [page.Key(kind="line", colour=INK, text="where the camera may be trusted")]
     empty = int(cells.empty.sum())
     if empty:
@@ -242,9 +242,9 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> page.Drawn | None:
     sigma = sigma.reshape(pixel.shape[:2])
     some, where = sigma[::_EVERY, ::_EVERY].ravel(), pixel[::_EVERY, ::_EVERY].reshape(-1, 2)
     inside, field = inside_polygon(where, facts.outline), [facts.outline]
-    if facts.errors and facts.errors.cells.blind:  # where the camera sees itself
+    if facts.errors and facts.errors.gaps.cells.blind:  # where the camera sees itself
         around = np.linspace(0, 2 * np.pi, 180)
-        field.append(camera.project(ray_at(np.full(180, facts.errors.cells.blind), around)))
+        field.append(camera.project(ray_at(np.full(180, facts.errors.gaps.cells.blind), around)))
         inside &= ~inside_polygon(where, field[-1])
     shown = some[inside & np.isfinite(some) & (some > 0)]
     if not len(shown):
