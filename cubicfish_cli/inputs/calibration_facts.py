@@ -26,11 +26,11 @@ from cubicfish import (
     load_corners,
     quoted,
 )
-from cubicfish.angles import angle_from_axis
 from cubicfish.files import Fingerprint
 from cubicfish.io.camera_yaml import CameraRecord
 from cubicfish.io.corners_csv import load_correspondences
 from cubicfish.judge import FitRecord, Origin, PhotoRecord
+from cubicfish.models import angle_from_axis
 from cubicfish.photos import find_photos
 from cubicfish.solve import rms_px
 from cubicfish.sufficiency import CoverageGaps
