@@ -12,12 +12,14 @@ import sys
 import textwrap
 import tomllib
 from collections.abc import Iterator
+from enum import StrEnum
 from pathlib import Path
 from string import Template
 
 import click
 
-from cubicfish.judge.codes import Code, Remedy
+from cubicfish import Finding
+from cubicfish.judge import Code
 from cubicfish_cli.terminal.main import cli
 from cubicfish_cli.terminal.parameters import Argument
 
@@ -99,7 +101,7 @@ _CODE = re.compile(
 _DEFAULT = re.compile(r"\s*\[default: (.*?)\]\.?$")
 
 
-def _words(what: str, kind: type[Code] | type[Remedy]) -> str:
+def _words(what: str, kind: type[StrEnum]) -> str:
     text = f"{what}: {', '.join(f'`{one.value}`' for one in kind)}."
     return textwrap.fill(text, WIDTH, break_on_hyphens=False) + "\n"
 
@@ -158,7 +160,7 @@ def page() -> str:
         "## JSON\n",
         JSON,
         _words("Codes", Code),
-        _words("Remedies", Remedy),
+        _words("Remedies", type(Finding(code=Code.UNKNOWN).remedy)),
         "## Environment\n",
         _list([f"`{name}`: {_with_default(text)}" for name, text in ENVIRONMENT.items()]),
         "## Completion in the shell\n",
