@@ -14,7 +14,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.angles import unit_rays
 from cubicfish.errors import ViewError
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.photos.photos import Picture
@@ -89,7 +88,9 @@ class Body:
         """Rays of the body (..., 3) -> points in a camera's frame, of any length where far."""
         if self.distance is None:
             return rays @ one.rotation.T
-        points = unit_rays(rays) * self.distance + self.centre
+        length = np.linalg.norm(rays, axis=-1, keepdims=True)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            points = rays / length * self.distance + self.centre
         return points @ one.rotation.T + one.translation
 
     def project(self, points: npt.ArrayLike) -> FloatArray:

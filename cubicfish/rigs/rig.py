@@ -39,7 +39,7 @@ from cubicfish.judge.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
 from cubicfish.judge.verdict import Verdict
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.sphere import cone_rays
-from cubicfish.target.target import Target, target_text
+from cubicfish.target.target import Target
 from cubicfish.types import FloatArray
 from cubicfish.views.fields import sees
 from cubicfish.wording import did_you_mean, quoted
@@ -313,7 +313,7 @@ class Rig:
             titled = {"title": one.name, **origin}
             texts[one.path] = camera_text(one.camera, fit=one.fit, made_by=titled)
         if self.target is not None:
-            texts[REFINED] = target_text(self.target)
+            texts[REFINED] = self.target.text()
         return texts
 
 

@@ -323,7 +323,6 @@ def _make_contents(
 ) -> dict[str, Content | None]:
     """Return what the planned files hold, by their kind; None for those that are not to be."""
     from cubicfish import Calibration
-    from cubicfish.target.target import target_text
 
     corners = observed.corners if "corners" in goals else None
     contents: dict[str, Content | None] = dict(camera_contents(fitted.text(), corners))
@@ -335,7 +334,7 @@ def _make_contents(
             width, height = fitted.camera.image_size
             run.listener.tell(Event.NO_MAP, width=width, height=height)
         if fitted.refined != "off" and fitted.target is not None:
-            contents["target"] = target_text(fitted.target)
+            contents["target"] = fitted.target.text()
     for name, (maker, _) in extension_outputs().items():
         if name in goals:
             contents[name] = page(maker, fitted, observed.pairs, observed.photos, run=run)

@@ -290,7 +290,8 @@ def record(kind: type[Kind]) -> type[Kind]:
             delattr(kind, name)
         else:
             setattr(kind, name, one.default)
-    kind.checked_fields = True
+    checked: Any = kind
+    checked.checked_fields = True
     setattr(kind, _OPTIONS, {**getattr(kind, _OPTIONS, {}), **options})
     return dataclass(frozen=True, kw_only=True)(kind)
 

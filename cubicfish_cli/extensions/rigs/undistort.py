@@ -99,14 +99,14 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = Run()) -> Un
     jobs = {name: (f"{name}{suffix}", own) for name, own in shots.items()}
     register = Plan(run, skip_existing=options.skip_existing).reads(known.files)
     alone = len(shots) == 1
-    plan = plan_pictures("shot", jobs, Path(options.output), options, run, register, alone=alone)
+    plan = plan_pictures("shot", jobs, Path(options.output), options, register, alone=alone)
     view = options.view or ViewOptions()
     if isinstance(view, ViewOptions) and view.kind is None:
         view = replace(view, kind="equirectangular")
     body = Body(cameras=known.cameras, distance=options.distance)
     body = body.for_photos(sizes_of(shots.values()))
     views = RigViews(body, choose_view(body, view), options.interpolation)
-    return write_pictures(plan, views, model=known.files[0])
+    return write_pictures(plan, views, run, model=known.files[0])
 
 
 @as_command(

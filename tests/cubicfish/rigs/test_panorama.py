@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from cubicfish import CameraFileError, CubicCamera, ViewError, load_camera, stitch
 from cubicfish.comparison import aligned_difference
-from cubicfish.models.sphere import cone_rays
+from cubicfish.models import cone_rays
 from cubicfish.rigs import Body, RigCamera
 from cubicfish.rigs.panorama import edge_distance
 from cubicfish.views import CentralView

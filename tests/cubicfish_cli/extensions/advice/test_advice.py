@@ -18,7 +18,6 @@ from synthetic import (
 )
 
 from cubicfish import Target
-from cubicfish.angles import angle_from_axis
 from cubicfish.comparison import aligned_difference
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.uncertainty import field_grid
@@ -27,6 +26,7 @@ from cubicfish.judge.codes import Code
 from cubicfish.judge.fit_record import ErrorStatistics
 from cubicfish.judge.uncertainty import FieldUncertainty, UncertaintyGrid, summed
 from cubicfish.judge.verdict import COVERAGE, verdict
+from cubicfish.models import angle_from_axis
 from cubicfish.solve.poses import Poses
 from cubicfish.solve.subset import select
 from cubicfish.sufficiency.knowledge import Knowledge
