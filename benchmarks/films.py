@@ -41,17 +41,15 @@ from cubicfish import (
     Observations,
     Run,
     Target,
+    aligned_difference,
+    calibrate,
     load_corners,
     save_corners,
 )
-from cubicfish.comparison import aligned_difference
 from cubicfish.files import FrameName
-from cubicfish.fit.calibrate import calibrate
-from cubicfish.models.sphere import cone_rays
+from cubicfish.models import cone_rays
 from cubicfish.observe import find_corners
 from cubicfish.photos import Photo, find_photos
-from cubicfish.solve.subset import select_photos
-from cubicfish.target.target import load_target
 from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.films.source import decode, opened
 
@@ -127,7 +125,7 @@ def corners_in(photos: Sequence[Photo], target: Target) -> Observations:
 def measured(
     folder: Path, target_file: Path, lens: SyntheticLens, most: int, every: int
 ) -> tuple[float, ...]:
-    target = load_target(target_file)
+    target = Target.load(target_file)
     film, out = folder / "film.mp4", folder / "chosen"
     options = ("-t", target_file, "--overwrite", "--no-cache", "-j", 1)
     seconds = cubicfish("frames", film, *options, "-o", out, "--most", most)
@@ -142,7 +140,7 @@ def measured(
     fits = [
         fitted(corners_in(chosen, target).with_target(target), target),
         fitted(pairs, target),
-        fitted(select_photos(pairs, np.unique(equal)), target),
+        fitted(pairs.of_photos(np.unique(equal)), target),
     ]
     angle = min(fit.camera.max_angle_deg for fit in fits if fit is not None)
     errors = [rms_px(fit, lens.far, np.deg2rad(angle)) for fit in fits]
@@ -179,7 +177,7 @@ def main() -> None:
             folder = args.folder / f"b_{lens}_{name}"
             if not (folder / "film.mp4").exists():
                 folder.mkdir(exist_ok=True)
-                thing = load_target(target)
+                thing = Target.load(target)
                 path = hand_path(thing, made, size, args.seconds, seed=args.seed)
                 taken = FilmOptions(rate=args.rate)
                 film = Film(target=thing, lens=made, image_size=size, path=path, taken=taken)

@@ -26,10 +26,9 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # as the command l
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 
-from cubicfish import CubicCamera, Run, UndistortMap, build_map, load_camera  # noqa: E402
-from cubicfish.views import PROJECTIONS, CentralView, camera_for_photos  # noqa: E402
+from cubicfish import CubicCamera, Run, UndistortMap, build_map, load_camera, undistort  # noqa: E402
+from cubicfish.views import CentralView, ViewOptions  # noqa: E402
 from cubicfish_cli.undistortion.batch import Job, write_many, write_one  # noqa: E402
-from cubicfish_cli.undistortion.images import remap_picture  # noqa: E402
 
 HERE = Path(__file__).resolve().parent
 SAMPLE = HERE.parent / "sample_data"
@@ -73,7 +72,7 @@ def sample_camera(folder: Path) -> Path:
 def of_size(camera: CubicCamera, size: tuple[int, int]) -> CubicCamera:
     """The camera on a sensor of this size, cut to its shape."""
     scale = max(size[0] / camera.image_size[0], size[1] / camera.image_size[1])
-    whole = camera_for_photos(camera, tuple(round(s * scale) for s in camera.image_size))
+    whole = camera.for_photos(tuple(round(s * scale) for s in camera.image_size))
     shift = np.eye(3)
     shift[:2, 2] = [-(w - s) / 2 for w, s in zip(whole.image_size, size, strict=True)]
     return CubicCamera(
@@ -97,7 +96,7 @@ def measure_map(camera: CubicCamera) -> None:
                 )
             )
         }
-        for kind in PROJECTIONS:
+        for kind in ViewOptions.KINDS[:-1]:  # a cube has several
             field = 110 if kind == "perspective" else 170
             other = CentralView.with_field(kind, field, size)
             parts[kind] = lambda own=own, other=other: build_map(own, other)
@@ -106,7 +105,7 @@ def measure_map(camera: CubicCamera) -> None:
             f"map {size[0]}x{size[1]}: cv2.fisheye.initUndistortRectifyMap, ms",
             1e3 * seconds["cv2"],
         )
-        for kind in PROJECTIONS:
+        for kind in ViewOptions.KINDS[:-1]:  # a cube has several
             wanted = f"(<= {limit})" if kind == "perspective" else ""
             say(f"  {kind}, times that", seconds[kind] / seconds["cv2"], wanted)
 
@@ -135,7 +134,7 @@ def ours(sources: list[Path], folder: Path, made: UndistortMap, workers: int) ->
     jobs = [Job(name=p.name, photos={"": p}, outputs={"": folder / p.name}) for p in sources]
     failures = write_many(
         jobs,
-        partial(write_one, render=lambda job, photos: {"": remap_picture(photos[""], made)}),
+        partial(write_one, render=lambda job, photos: {"": undistort(photos[""], made)}),
         Run(jobs=workers, overwrite=True),
     )
     assert not failures, failures
@@ -429,10 +428,9 @@ def measure_real(folder: Path) -> None:
     if not REAL.exists():
         print("real photos are not there: skipped")
         return
-    from cubicfish import load_corners
-    from cubicfish.target.target import load_target
+    from cubicfish import Target, load_corners
 
-    target = load_target(REAL / "target.yaml")
+    target = Target.load(REAL / "target.yaml")
     corners = load_corners(REAL / "reference_corners.csv", target)
     own = folder / "real"
     own.mkdir()

@@ -2,10 +2,7 @@
 
 In a program::
 
-    from cubicfish.target.target import Target
-    from cubicfish.calibration import calibrate
-    from cubicfish.observe.detection import detect
-    from cubicfish_cli import undistort
+    from cubicfish import Target, calibrate, detect, undistort
 
     target = Target.load("target.yaml")
     calibration = calibrate(detect("photos/", target), target)
@@ -30,4 +27,4 @@ __version__ = "0.1.0"
 
 from cubicfish.lazy import lazy_names
 
-__getattr__, __dir__ = lazy_names(__name__)
+__getattr__, __dir__ = lazy_names(__name__, checked=True)

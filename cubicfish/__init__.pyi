@@ -5,6 +5,7 @@ from cubicfish.calibration import evaluate as evaluate
 from cubicfish.calibration import save_camera as save_camera
 from cubicfish.calibration import save_target as save_target
 from cubicfish.comparison import Comparison as Comparison
+from cubicfish.comparison import aligned_difference as aligned_difference
 from cubicfish.comparison import compare as compare
 from cubicfish.errors import CameraFileError as CameraFileError
 from cubicfish.errors import ClusterError as ClusterError
@@ -36,6 +37,7 @@ from cubicfish.photos.photos import read_picture as read_picture
 from cubicfish.rigs.calibrate import calibrate_rig as calibrate_rig
 from cubicfish.rigs.compare import compare_rigs as compare_rigs
 from cubicfish.rigs.evaluate import evaluate_rig as evaluate_rig
+from cubicfish.rigs.panorama import stitch as stitch
 from cubicfish.rigs.rig import Rig as Rig
 from cubicfish.rigs.rig import load_rig as load_rig
 from cubicfish.rigs.rig import save_rig as save_rig
@@ -47,9 +49,12 @@ from cubicfish.target.target import Target as Target
 from cubicfish.types import BoolArray as BoolArray
 from cubicfish.types import FloatArray as FloatArray
 from cubicfish.types import IntArray as IntArray
+from cubicfish.views.bands import save_map as save_map
+from cubicfish.views.choose import build_view as build_view
 from cubicfish.views.maps import UndistortMap as UndistortMap
 from cubicfish.views.maps import build_map as build_map
 from cubicfish.views.plane import build_plane as build_plane
+from cubicfish.views.render import undistort as undistort
 from cubicfish.views.view import View as View
 from cubicfish.wording import did_you_mean as did_you_mean
 from cubicfish.wording import listed as listed

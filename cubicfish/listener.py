@@ -26,9 +26,6 @@ class Event(StrEnum):
     FRAMES_CHOSEN = "frames_chosen"
     MOMENTS = "moments"
     SHOTS_CHOSEN = "shots_chosen"
-    CHOSEN_ALL = "chosen_all"
-    CHOSEN_ASKED = "chosen_asked"
-    CHOSEN_ENOUGH = "chosen_enough"
     CLOCK = "clock"
     CLOCK_UNSURE = "clock_unsure"
     LOOKING = "looking"
@@ -43,12 +40,6 @@ class Event(StrEnum):
     VIDEO_TURNED = "video_turned"
     RENDERED_FLAT = "rendered_flat"
     RENDERING = "rendering"
-
-    def line(self, **figures: Any) -> str:
-        """What is said of it."""
-        from cubicfish.judge.codes import words
-
-        return str(words().write_event(self, figures))
 
 
 class Listener:
@@ -70,7 +61,7 @@ class Listener:
         """
 
     def tell(self, event: Event, **figures: Any) -> None:
-        """Something happened: its numbers and names; ``event.line(**figures)`` has the words."""
+        """Something happened: what it was, its numbers and its names."""
 
     def found(self, findings: Sequence[Finding]) -> None:
         """These are reported of photos and grids."""

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from cubicfish.errors import CubicfishError
 from cubicfish.listener import Listener
@@ -34,6 +34,8 @@ class Run:
         command: the command line that is run, which files say of themselves.
 
     """
+
+    checked_fields: ClassVar = True
 
     jobs: int | None = None
     cache: Path | None = None
@@ -104,7 +106,7 @@ class Run:
 
 
 def _record_file(file: Fingerprint) -> dict[str, str]:
-    return {"file": _as_text(str(file.path)), "sha256": file.sha256}
+    return {"file": _as_text(file.file), "sha256": file.sha256}
 
 
 def _as_text(words: str) -> str:

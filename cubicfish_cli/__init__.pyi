@@ -20,6 +20,7 @@ from cubicfish import Verdict as Verdict
 from cubicfish import View as View
 from cubicfish import build_map as build_map
 from cubicfish import build_plane as build_plane
+from cubicfish import build_view as build_view
 from cubicfish import calibrate as calibrate
 from cubicfish import calibrate_rig as calibrate_rig
 from cubicfish import compare as compare
@@ -35,8 +36,11 @@ from cubicfish import read_picture as read_picture
 from cubicfish import rectify as rectify
 from cubicfish import save_camera as save_camera
 from cubicfish import save_corners as save_corners
+from cubicfish import save_map as save_map
 from cubicfish import save_rig as save_rig
 from cubicfish import save_target as save_target
+from cubicfish import undistort as undistort
+from cubicfish.views import ViewOptions as ViewOptions
 from cubicfish_cli.commands.calibrate import CalibrateOptions as CalibrateOptions
 from cubicfish_cli.commands.calibrate import calibrate_files as calibrate_files
 from cubicfish_cli.commands.compare import CompareOptions as CompareOptions
@@ -83,7 +87,6 @@ from cubicfish_cli.extensions.rigs.info import RigInfoOptions as RigInfoOptions
 from cubicfish_cli.extensions.rigs.info import info_rig_files as info_rig_files
 from cubicfish_cli.extensions.rigs.map import RigMapOptions as RigMapOptions
 from cubicfish_cli.extensions.rigs.map import map_rig_files as map_rig_files
-from cubicfish_cli.extensions.rigs.mosaic import stitch as stitch
 from cubicfish_cli.extensions.rigs.report import RigReportOptions as RigReportOptions
 from cubicfish_cli.extensions.rigs.report import report_rig_files as report_rig_files
 from cubicfish_cli.extensions.rigs.undistort import RigUndistortOptions as RigUndistortOptions
@@ -91,11 +94,7 @@ from cubicfish_cli.extensions.rigs.undistort import undistort_rig_files as undis
 from cubicfish_cli.extensions.simulation.command import LookOptions as LookOptions
 from cubicfish_cli.extensions.simulation.command import SimulateOptions as SimulateOptions
 from cubicfish_cli.extensions.simulation.command import simulate_files as simulate_files
-from cubicfish_cli.undistortion.choose import build_view as build_view
-from cubicfish_cli.undistortion.images import undistort as undistort
-from cubicfish_cli.undistortion.map_formats import save_map as save_map
 from cubicfish_cli.undistortion.options import PlaneOptions as PlaneOptions
-from cubicfish_cli.undistortion.options import ViewOptions as ViewOptions
 
 __version__: str
 __all__: list[str]

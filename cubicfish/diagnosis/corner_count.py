@@ -149,7 +149,6 @@ def miscounted(evidence: GridEvidence) -> list[Finding]:
     boards = [evidence.target.boards[one.board] for one in counts]
     seen = [
         {
-            "form": "one",
             "board": board.name,
             "columns": count.size[0],
             "rows": count.size[1],
@@ -326,7 +325,6 @@ def nothing_named(evidence: GridEvidence) -> list[Finding]:
             "photos": seen,
             "says": ", ".join(f"{board.columns}x{board.rows}" for board in boards[:6]),
             "why": why.value,
-            "help": why.value,
         },
     )
     return [finding]
@@ -420,7 +418,7 @@ def _sort_sides(size: Size) -> Size:
 
 def many_lost(evidence: PhotoEvidence) -> list[Finding]:
     """Find that one reason loses more than a third of the photos in which boards were found."""
-    lost = defaultdict[Code, list[Finding]](list)
+    lost = defaultdict[str, list[Finding]](list)
     for one in evidence.lost:
         lost[one.code].append(one)
     own = max(lost.values(), key=len, default=[])

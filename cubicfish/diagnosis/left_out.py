@@ -175,7 +175,7 @@ def board_findings(
             if figures:
                 named = figures.pop("named")
                 code, case = _FAULT_OF_NOMINAL.get(named, Code.BOARD_ORDER), "of_photos"
-                figures["order" if code is Code.BOARD_ORDER else "named"] = named
+                figures["order" if code == Code.BOARD_ORDER else "named"] = named
             figures = {"photos": len(own), **figures}
             together = replace(
                 together, code=code, case=case, severity=Severity.CARE, figures=figures
@@ -266,7 +266,7 @@ def _is_usual(
 def _find_left_out(evidence: FitEvidence) -> set[str]:
     """The photos that were left out, and those in which a board lost half of its corners."""
     unfit = evidence.fit.reference.unfit.items()
-    names = {name for name, why in unfit if why.code is not Code.TOO_FEW_CORNERS}
+    names = {name for name, why in unfit if why.code != Code.TOO_FEW_CORNERS}
     return names.union(*_find_lost(evidence).values())
 
 

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from cubicfish.angles import angle_from_axis, azimuth, unit_rays
 from cubicfish.errors import ViewError
 from cubicfish.models.lift import evaluate_cubics, lift
-from cubicfish.models.pupil import from_pupil, from_pupil_and_slopes
+from cubicfish.models.pupil import from_pupil, from_pupil_and_slopes, pupil_profile
 from cubicfish.models.radial import RadialCamera
 from cubicfish.models.sphere import cone_rays, ray_at, rays_of_pixels
 from cubicfish.types import FloatArray
@@ -71,6 +71,44 @@ class CubicCamera(Brief):
     def scaled(self, factor: float) -> CubicCamera:
         """The same for points in another unit, of which ``factor`` make one of ``units``."""
         return replace(self, pupil_travel=self.pupil_travel * factor, units=None)
+
+    def pupil_shift(self, rays: npt.ArrayLike) -> FloatArray:
+        """How far along the axis from the camera's place rays (..., 3) enter the lens, (...).
+
+        In ``units``; 0 along the axis and where there is no direction.
+        """
+        return self.pupil_travel * np.nan_to_num(pupil_profile(np.asarray(rays, float)))
+
+    def for_photos(self, size: tuple[int, int]) -> CubicCamera:
+        """The camera of photos of ``size``: the calibrated size, or of the same shape.
+
+        A pixel's centre is at its whole coordinates, so a photo scaled by s has pixel
+        (x + 1/2)·s − 1/2 where the original has x. Leaving the half out shifts a half-size picture
+        by a quarter pixel.
+
+        Args:
+            size: (width, height) of the photos at hand.
+
+        Raises:
+            ViewError: the photos are neither.
+
+        """
+        width, height = self.image_size
+        if size == self.image_size:
+            return self
+        if size[0] * height != size[1] * width:
+            raise ViewError(
+                f"the photo has {size[0]}x{size[1]} pixels, the camera was calibrated for "
+                f"{width}x{height}: use photos of that size or of exactly that shape"
+            )
+        scale = size[0] / width
+        shift = (scale - 1) / 2
+        affine = np.array([[scale, 0, shift], [0, scale, shift], [0, 0, 1]])
+        old = self.radial
+        fx, fy = scale * old.fx, scale * old.fy
+        cx, cy = scale * old.cx + shift, scale * old.cy + shift
+        radial = replace(old, image_size=size, fx=fx, fy=fy, cx=cx, cy=cy)
+        return replace(self, image_size=size, P=affine @ self.P, radial=radial)
 
     def project(self, points: npt.ArrayLike, *, near: bool = False) -> FloatArray:
         """Camera-frame points (..., 3) -> pixels (..., 2); NaN outside the cone.

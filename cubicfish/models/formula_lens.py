@@ -1,15 +1,16 @@
 """Lenses that are given by a formula, as other tools' models are.
 
 A model is a frozen dataclass whose fields, beside the photo's size, are its parameters; fields
-marked by :data:`FIXED` are carried along and never fitted. A model has a ``name``, a ``label``,
-:meth:`FormulaLens.starts` and its formula, :meth:`Lens.pixels`. Everything else, derivatives too,
-follows from these.
+marked by :attr:`FormulaLens.FIXED` are carried along and never fitted. A model has a ``name``, a
+``label``, :meth:`FormulaLens.starts` and its formula, :meth:`Lens.pixels`. Everything else,
+derivatives too, follows from these.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, Self
+from types import MappingProxyType
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +28,6 @@ from cubicfish.models.sphere import (
 )
 from cubicfish.types import FloatArray
 
-FIXED: Mapping[str, Any] = {"fixed": True}
-"""Metadata of a field that is no parameter of a fit."""
 _SEEDS = 6000
 # Pixels at a time: their intermediate arrays then stay in the processor's cache.
 _BLOCK = 8192
@@ -40,7 +39,14 @@ _PIXELS = ("fx", "fy", "cx", "cy", "skew")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FormulaLens(Lens):
-    """A lens whose fields are its parameters."""
+    """A lens whose fields are its parameters.
+
+    Attributes:
+        FIXED: the metadata of a field that is no parameter of a fit (of the class).
+
+    """
+
+    FIXED: ClassVar[Mapping[str, Any]] = MappingProxyType({"fixed": True})
 
     def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`Lens`: by differences."""

@@ -20,7 +20,6 @@ import numpy as np
 from cubicfish import __version__
 from cubicfish.errors import OutputError, PhotoError
 from cubicfish.files.whole_files import whole_file
-from cubicfish.find import demosaic as mosaic
 from cubicfish.find import detection
 from cubicfish.find.detection.diagnose import explain_no_grids
 from cubicfish.find.detection.finder import find_grids
@@ -28,6 +27,7 @@ from cubicfish.find.detection.grids import FoundGrids, Grid, round_pixels
 from cubicfish.find.detection.ladder import MOST_PIXELS
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
+from cubicfish.photos import demosaic as mosaic
 from cubicfish.photos import photos
 from cubicfish.photos.photos import Photo, Picture, decode_picture, grey, read_file
 from cubicfish.target.target import Target

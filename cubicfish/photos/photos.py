@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from cubicfish.errors import CubicfishError, PhotoError
 from cubicfish.files.whole_files import on_host
-from cubicfish.find.demosaic import evened
+from cubicfish.photos.demosaic import evened
 from cubicfish.threads import Shared
 from cubicfish.wording import listed, quoted, shown
 

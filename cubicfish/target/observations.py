@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish.arrays import Refusal
-from cubicfish.errors import CorrespondenceError
+from cubicfish.errors import CorrespondenceError, TargetError
 from cubicfish.files.reading import MAX_COORDINATE
 from cubicfish.target.target import Target
 from cubicfish.types import BoolArray, FloatArray, IntArray
@@ -216,6 +216,10 @@ class Observations(Brief):
         images = tuple(self.images[photo] for photo in photos)
         return replace(self, images=images, image=image.astype(np.intp)), photos.astype(np.intp)
 
+    def of_photos(self, photos: IntArray) -> Observations:
+        """The corners of some photos, each given by its index (M,) in ``images``; no others."""
+        return self.select(np.isin(self.image, photos)).only_seen()[0]
+
     def by_photo(self) -> Observations:
         """The rows sorted by photo, otherwise in their order; no copy where they are sorted."""
         if (np.diff(self.image) >= 0).all():
@@ -253,7 +257,10 @@ class Observations(Brief):
         board, place = index[self.board], np.stack([self.column, self.row], axis=-1)
         unknown = np.flatnonzero(board < 0)
         if unknown.size:
-            refuse(unknown[0], no_such_board(self.boards[self.board[unknown[0]]], target))
+            try:
+                target.board(self.boards[self.board[unknown[0]]])
+            except TargetError as problem:
+                refuse(unknown[0], str(problem))
         size = np.array([(one.columns, one.rows) for one in target.boards])[board]
         outside = np.flatnonzero(((place < 0) | (place >= size)).any(axis=1))
         if outside.size:
@@ -348,11 +355,6 @@ class Observations(Brief):
         )
         own._refuse_weights(own._refuse)
         return own
-
-
-def no_such_board(name: str, target: Target) -> str:
-    """What a message says about a board that a target does not have."""
-    return f"board {quoted(name)} is not in the target: {did_you_mean(name, target.board_names)}"
 
 
 def _stack_photos(

@@ -1,7 +1,10 @@
 """The names that this package offers: `lazy.py` reads them too."""
 
+from cubicfish.views.bands import MapInBands as MapInBands
+from cubicfish.views.choose import ChosenView as ChosenView
+from cubicfish.views.choose import choose_view as choose_view
 from cubicfish.views.fields import sees as sees
-from cubicfish.views.maps import camera_for_photos as camera_for_photos
-from cubicfish.views.view import PROJECTIONS as PROJECTIONS
+from cubicfish.views.options import Interpolation as Interpolation
+from cubicfish.views.options import ViewOptions as ViewOptions
 from cubicfish.views.view import CentralView as CentralView
 from cubicfish.views.view import PointProjector as PointProjector

@@ -1,16 +1,12 @@
-"""View and camera -> the map that ``cv2.remap`` takes.
-
-The module also makes the camera for photos that are an exact rescale of the calibrated ones.
-
-A pixel's centre is at its whole coordinates, so a photo scaled by s has pixel (x + 1/2)·s − 1/2
-where the original has x. Leaving the half out shifts a half-size picture by a quarter pixel.
-"""
+"""View and camera -> the map that ``cv2.remap`` takes."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -20,10 +16,17 @@ from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.sphere import ray_at
 from cubicfish.types import BoolArray, FloatArray
 from cubicfish.views.cubic_grid import grid_of
+from cubicfish.views.options import Interpolation
 from cubicfish.views.view import MAX_SIDE, PlaneView, PointProjector, View
-from cubicfish.wording import Brief
+from cubicfish.wording import Brief, did_you_mean, quoted
 
 OUTSIDE = -1.0
+_CV2_FLAGS = {
+    "nearest": cv2.INTER_NEAREST,
+    "linear": cv2.INTER_LINEAR,
+    "cubic": cv2.INTER_CUBIC,
+    "lanczos": cv2.INTER_LANCZOS4,
+}
 # A block's arrays stay in the processor's cache; fewer pixels than these are not worth a thread.
 _PIXELS_PER_BLOCK = 65_536
 _PIXELS_FOR_THREADS = 250_000
@@ -59,6 +62,44 @@ class UndistortMap(Brief):
     def empty(self) -> BoolArray:
         """(H, W) where the photo has nothing."""
         return np.asarray(self.map_x == OUTSIDE)
+
+    def render(
+        self, photo: npt.NDArray[Any], interpolation: Interpolation = "linear", empty: float = 0
+    ) -> npt.NDArray[Any]:
+        """The view, (H, W) or (H, W, C), of a photo's depth.
+
+        It is black where the map has nothing, as ``cv2.remap`` renders the map's file; a fourth
+        channel is 0 there.
+
+        Args:
+            photo: of the size that the map is for, (h, w) or (h, w, C).
+            interpolation: how pixels are interpolated.
+            empty: the value of what the photo does not have.
+
+        Raises:
+            ViewError: the photo has another size, or the interpolation is not known.
+
+        """
+        if interpolation not in _CV2_FLAGS:
+            raise ViewError(
+                f"interpolation {quoted(interpolation)} is not known: "
+                f"{did_you_mean(str(interpolation), _CV2_FLAGS)}"
+            )
+        height, width = photo.shape[:2]
+        if (width, height) != self.image_size:
+            raise ViewError(
+                f"the photo has {width}x{height} pixels, the map is for "
+                f"{self.image_size[0]}x{self.image_size[1]}: "
+                "use photos of that size, neither scaled nor cropped nor turned"
+            )
+        # Wider kernels reach over the photo's edge: mirror the photo there, rather than blend it.
+        wide = interpolation in ("cubic", "lanczos")
+        border = cv2.BORDER_REFLECT_101 if wide else cv2.BORDER_CONSTANT
+        flags, black = _CV2_FLAGS[interpolation], (empty,) * 4
+        out = np.asarray(cv2.remap(photo, self.map_x, self.map_y, flags, None, border, black))
+        if wide:
+            out[self.empty] = empty
+        return out
 
 
 def build_map(camera: PointProjector, view: View, rows: range | None = None) -> UndistortMap:
@@ -169,32 +210,3 @@ class WholePhoto:
             beyond[angle_from_axis(rays) > np.deg2rad(self.max_angle_deg)] = np.nan
         own = self.camera.project(rays)
         return np.where(np.isfinite(own), own, beyond)
-
-
-def camera_for_photos(camera: CubicCamera, size: tuple[int, int]) -> CubicCamera:
-    """The camera of photos of ``size``: the calibrated size, or of the same shape.
-
-    Args:
-        camera: for the photos as they were calibrated.
-        size: (width, height) of the photos at hand.
-
-    Raises:
-        ViewError: the photos are neither.
-
-    """
-    width, height = camera.image_size
-    if size == camera.image_size:
-        return camera
-    if size[0] * height != size[1] * width:
-        raise ViewError(
-            f"the photo has {size[0]}x{size[1]} pixels, the camera was calibrated for "
-            f"{width}x{height}: use photos of that size or of exactly that shape"
-        )
-    scale = size[0] / width
-    shift = (scale - 1) / 2
-    affine = np.array([[scale, 0, shift], [0, scale, shift], [0, 0, 1]])
-    old = camera.radial
-    fx, fy = scale * old.fx, scale * old.fy
-    cx, cy = scale * old.cx + shift, scale * old.cy + shift
-    radial = replace(old, image_size=size, fx=fx, fy=fy, cx=cx, cy=cy)
-    return replace(camera, image_size=size, P=affine @ camera.P, radial=radial)

@@ -116,10 +116,8 @@ def export_files(options: ExportOptions, *, run: Run = Run()) -> ExportedFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish import build_map, load_camera
+    from cubicfish import build_map, build_view, load_camera, save_map
     from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, printed
-    from cubicfish_cli.undistortion.choose import build_view
-    from cubicfish_cli.undistortion.map_formats import save_map
 
     to, path = options.to, in_folder(Path(options.camera))
     for name, given in (("--max-error", options.max_error), ("--max-angle", options.max_angle_deg)):

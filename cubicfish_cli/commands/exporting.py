@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish import CubicfishError, FitError, did_you_mean, quoted
-from cubicfish.fit.exported_lens import Conversion, to_lens
+from cubicfish.fit import Conversion, to_lens
 from cubicfish.io.camera_yaml import Calibrated
 from cubicfish_cli import __version__
 from cubicfish_cli.extension_guard import Place, written_formats

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run
 from cubicfish.files import StrPath, write_files
+from cubicfish.views import ViewOptions
 from cubicfish_cli.commands.view_options import report_unseen, view_options
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.plan import Plan
@@ -17,13 +17,11 @@ from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_message, print_wrote, result
-from cubicfish_cli.undistortion.options import ViewOptions
 
 if TYPE_CHECKING:
     from cubicfish import View
     from cubicfish.files import Content
-    from cubicfish_cli.undistortion.choose import ChosenView
-    from cubicfish_cli.undistortion.map_formats import MapInBands
+    from cubicfish.views import ChosenView, MapInBands
 
 _HELP = """Write where in the photo each pixel of a view comes from, and the camera of the view.
 
@@ -115,31 +113,22 @@ def map_files(options: MapOptions, *, run: Run = Run()) -> MapFiles:
             not be replaced.
 
     """
-    from cubicfish import build_map
     from cubicfish.io.camera_keys import read_camera
-    from cubicfish.views import camera_for_photos
-    from cubicfish_cli.undistortion.choose import chosen_view
-    from cubicfish_cli.undistortion.map_formats import (
-        MapInBands,
-        build_redistort_map,
-        camera_path,
-        map_paths,
-    )
+    from cubicfish.views import MapInBands, choose_view
+    from cubicfish_cli.undistortion.map_formats import camera_path, map_paths
 
     goal, view = Path(options.output), options.view
     path = in_folder(Path(options.camera))
     paths = map_paths(goal, view.parts if isinstance(view, ViewOptions) else ("",))
     Plan(run).reads(path).writes(*files_of(paths), *(camera_path(goal, part) for part in paths))
     loaded = read_camera(path)
-    there = camera_for_photos(loaded, options.photo_size or loaded.image_size)
-    chosen = chosen_view(there, view)
-    if options.redistort:
-        way, size = partial(build_redistort_map, there), there.image_size
-    else:
-        assert chosen.camera is not None
-        way, size = partial(build_map, chosen.camera), chosen.first.size
+    there = loaded.for_photos(options.photo_size or loaded.image_size)
+    chosen = choose_view(there, view)
+    assert chosen.camera is not None
     maps = {
-        name: MapInBands(view=one, size=size, make=partial(way, one))
+        name: MapInBands.back(there, one)
+        if options.redistort
+        else MapInBands.of_camera(chosen.camera, one)
         for name, one in chosen.views.items()
     }
     return MapFiles(

@@ -6,18 +6,25 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish import CubicCamera, Event, Run, UsageError, ViewError, build_plane, load_any_camera
-from cubicfish.fit.evaluate import evaluate
+from cubicfish import (
+    CubicCamera,
+    Event,
+    Run,
+    TargetError,
+    UsageError,
+    ViewError,
+    build_plane,
+    evaluate,
+    load_any_camera,
+)
 from cubicfish.io.camera_yaml import Calibrated
 from cubicfish.judge import FitRecord
 from cubicfish.observe import find_corners
 from cubicfish.photos import Photo
-from cubicfish.views import PointProjector, camera_for_photos
-from cubicfish.views.plane import board_with_plane
+from cubicfish.views import ChosenView, Interpolation, PointProjector
 from cubicfish.views.view import matrix_of_rotation
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.undistortion.batch import Size, Views
-from cubicfish_cli.undistortion.choose import ChosenView
 from cubicfish_cli.undistortion.options import PlaneOptions
 
 
@@ -25,7 +32,7 @@ class PlaneViews(Views):
     """Views of a board's plane, one per photo, since the board's pose differs."""
 
     def __init__(
-        self, given: Path | Calibrated | CubicCamera, options: PlaneOptions, how: str
+        self, given: Path | Calibrated | CubicCamera, options: PlaneOptions, how: Interpolation
     ) -> None:
         """Prepare for the board of a target.
 
@@ -46,8 +53,8 @@ class PlaneViews(Views):
         self._plane, self._target = options, target_in(options.target)
         self.interpolation = how
         try:
-            board_with_plane(self._target, options.board)
-        except ViewError as problem:
+            self._target.board(options.board, flat=True)
+        except TargetError as problem:
             raise UsageError(str(problem)) from None
         self._poses = _read_poses(fit)
         self._photos = {Path(photo.image).name for photo in fit.per_image}
@@ -108,7 +115,7 @@ class PlaneViews(Views):
             )
         vector, translation = self._poses[source.name]
         if isinstance(camera, CubicCamera):
-            camera = camera_for_photos(camera, size)
+            camera = camera.for_photos(size)
         return camera, matrix_of_rotation(vector), translation
 
 

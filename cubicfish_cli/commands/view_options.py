@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish import UsageError, listed
+from cubicfish.views import ViewOptions
 from cubicfish_cli.terminal.parameters import (
     SIZE,
     FloatRange,
@@ -18,10 +19,10 @@ from cubicfish_cli.terminal.parameters import (
     target_path,
 )
 from cubicfish_cli.terminal.terminal import print_message
-from cubicfish_cli.undistortion.options import KINDS, PlaneOptions, ViewOptions
+from cubicfish_cli.undistortion.options import PlaneOptions
 
 if TYPE_CHECKING:
-    from cubicfish_cli.undistortion.choose import ChosenView
+    from cubicfish.views import ChosenView
 
 _PLANE = "plane:"
 
@@ -77,7 +78,7 @@ def _make_options(
 
 def view_bundle(
     *,
-    kinds: str = listed(KINDS, word="or"),
+    kinds: str = listed(ViewOptions.KINDS, word="or"),
     kind_default: str = "perspective, in which straight lines are straight",
     size_default: str = "the photo's",
     field_default: str = "perspective keeps the photo's scale in its middle, up to 120 along the "
@@ -107,7 +108,7 @@ def view_bundle(
             "--view KIND",
             f"What the result is: {kinds}{f'{plane_kind}--target' if planes else ''}. "
             f"[default: {kind_default}]",
-            (_KindOrPlane if planes else click.Choice)(KINDS),
+            (_KindOrPlane if planes else click.Choice)(ViewOptions.KINDS),
         ),
         size=option("--size", f"Size of the result. [default: {size_default}]", SIZE),
         field=option(
@@ -146,5 +147,7 @@ view_or_plane_options: Any = view_bundle(planes=True)
 
 def report_unseen(view: ChosenView) -> None:
     """Tell the user if the camera's field ends before the view's does, and what is lost."""
-    for remark in view.remarks():
+    from cubicfish_cli.undistortion.remarks import view_remarks
+
+    for remark in view_remarks(view):
         print_message(remark)

@@ -12,6 +12,8 @@ import numpy.typing as npt
 from cubicfish import BoolArray, Finding, FloatArray, IntArray, Observations
 from cubicfish.find import PhotoReport
 from cubicfish.photos import Picture
+from cubicfish_cli.words.remarks import problem_of
+from cubicfish_cli.words.sentences import render_short
 
 ColourPicture = npt.NDArray[np.uint8]
 Colour = tuple[int, int, int]  # blue, green, red
@@ -65,7 +67,7 @@ def draw_found(picture: Picture, report: PhotoReport, corners: Observations) -> 
             cross = grid.pixel[:, None] + mark * _SQUARE
             canvas.lines(lines, LEFT_OUT)
             canvas.lines(np.concatenate([cross[:, ::2], cross[:, 1::2]]), LEFT_OUT)
-            why = Finding(code=fate.code, case="short").what
+            why = render_short(Finding(code=fate.code))
             canvas.write(f"left out: {why}", grid.pixel.mean(axis=0), LEFT_OUT)
     for board in boards:
         _draw_board(canvas, board)
@@ -236,6 +238,6 @@ def _write_caption(report: PhotoReport, boards: Sequence[_Board]) -> list[tuple[
         parts.append((f"{added} by a second look (squares)", WHITE))
     if left_out:
         parts.append((f"{left_out} grid{'s' * (left_out != 1)} left out", LEFT_OUT))
-    elif report.problem is not None:
-        parts.append((report.problem, LEFT_OUT))
+    elif (problem := problem_of(report)) is not None:
+        parts.append((problem, LEFT_OUT))
     return parts

@@ -269,7 +269,9 @@ def as_command(
                     made = do(given, run=run)
                 show(made, given, way)
             except UsageError as problem:
-                raise click.UsageError(str(problem)) from problem
+                from cubicfish_cli.words.sentences import render_error
+
+                raise click.UsageError(render_error(problem)) from problem
 
         params = options.parameters() + ways.parameters()
         shown = {"short_help": short_help, "epilog": examples(*lines), **more}
@@ -288,6 +290,8 @@ def record(kind: type[Kind]) -> type[Kind]:
             delattr(kind, name)
         else:
             setattr(kind, name, one.default)
+    checked: Any = kind
+    checked.checked_fields = True
     setattr(kind, _OPTIONS, {**getattr(kind, _OPTIONS, {}), **options})
     return dataclass(frozen=True, kw_only=True)(kind)
 

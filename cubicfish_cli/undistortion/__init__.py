@@ -1,8 +1,8 @@
 """Undistortion of whole folders of photos: read, remapped and written, many at once.
 
-`ViewOptions` (`options.py`) checks the options of a view once, before a camera is known, for
-commands, the library and `build_view` alike; `choose.py` makes the view from them for a camera, at
-the scale that suits. `images.py` turns one photo into pictures of the same nature. `batch.py` has
+What a view shows and how a picture is straightened is the library's (`cubicfish/views`);
+`remarks.py` says what a view leaves out. `images.py` makes files of the nature of their photos'.
+`batch.py` has
 `Views`, which renders each photo, and the loop that writes many photos or shots; one that fails
 does not stop the others. `video.py` renders frames in the codec's own planes, so that nothing is
 converted. `map_formats.py` writes maps, for other programs too. `commands/pictures.py` plans which

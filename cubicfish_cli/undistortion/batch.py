@@ -4,29 +4,31 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Container, Generator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from threading import RLock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
-from cubicfish import ClusterError, CubicCamera, CubicfishError, Run, UndistortMap, View, shown
+from cubicfish import (
+    ClusterError,
+    CubicCamera,
+    CubicfishError,
+    Run,
+    UndistortMap,
+    View,
+    shown,
+    undistort,
+)
 from cubicfish.files import write_files
 from cubicfish.files.whole_files import remove_orphans
 from cubicfish.photos import Picture
 from cubicfish.photos.photos import decode_picture, one_opencv_thread, photo_size, read_file
-from cubicfish.views import camera_for_photos
-from cubicfish_cli.undistortion.choose import ChosenView, chosen_view
-from cubicfish_cli.undistortion.images import (
-    encode_picture,
-    naming,
-    remap_picture,
-    render_in_bands,
-)
-from cubicfish_cli.undistortion.options import ViewOptions
+from cubicfish.views import ChosenView, Interpolation, ViewOptions, choose_view
+from cubicfish_cli.undistortion.images import encode_picture, naming
 
 if TYPE_CHECKING:
     from cubicfish.workers import Executor
@@ -59,6 +61,11 @@ class Job:
         """The photo, or the first of several."""
         return next(iter(self.photos.values()))
 
+    def lacking(self, paths: Container[Path]) -> Self:
+        """The same with those of its outputs only that are among paths."""
+        outputs = {part: path for part, path in self.outputs.items() if path in paths}
+        return replace(self, outputs=outputs)
+
 
 Render = Callable[[Job, Mapping[str, Picture]], Mapping[str, Picture]]
 """(job, its photos by their cameras' names) -> the pictures of all parts that the job wants."""
@@ -79,7 +86,7 @@ class Views:
     size_of = staticmethod(photo_size)
 
     def __init__(
-        self, camera: CubicCamera, wanted: View | ViewOptions | None, interpolation: str
+        self, camera: CubicCamera, wanted: View | ViewOptions | None, interpolation: Interpolation
     ) -> None:
         """Prepare for photos of this camera.
 
@@ -104,7 +111,7 @@ class Views:
 
         """
         if size not in self._chosen:
-            self._chosen[size] = chosen_view(camera_for_photos(self._camera, size), self._wanted)
+            self._chosen[size] = choose_view(self._camera.for_photos(size), self._wanted)
         return self._chosen[size]
 
     def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:
@@ -130,10 +137,10 @@ class Views:
         if maps is None:
             assert chosen.camera is not None
             return {
-                part: render_in_bands(picture, chosen.camera, chosen.views[part], how)
+                part: undistort(picture, chosen.camera, chosen.views[part], interpolation=how)
                 for part in job.outputs
             }
-        return {part: remap_picture(picture, maps[part], how) for part in job.outputs}
+        return {part: undistort(picture, maps[part], interpolation=how) for part in job.outputs}
 
 
 def write_many(jobs: Sequence[Job], write: Write, run: Run) -> dict[str, CubicfishError]:

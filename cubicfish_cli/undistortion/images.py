@@ -1,8 +1,8 @@
-"""Map and pictures -> undistorted pictures of the same depth and with the same channels.
+"""Pictures -> files of the same nature as their photos' files.
 
-The module also copies metadata of a JPEG file into the picture that is made from it: the EXIF
-record (orientation, time, place, lens), the colour profile and the quantisation tables. No reader
-finds the thumbnail in that record, since it would show the old picture.
+Metadata of a JPEG file go into the picture that is made from it: the EXIF record (orientation,
+time, place, lens), the colour profile and the quantisation tables. No reader finds the thumbnail in
+that record, since it would show the old picture.
 """
 
 import struct
@@ -10,39 +10,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from cubicfish import (
-    CubicCamera,
-    CubicfishError,
-    OutputError,
-    UndistortMap,
-    View,
-    ViewError,
-    build_map,
-    did_you_mean,
-    quoted,
-    shown,
-)
+from cubicfish import CubicfishError, OutputError, shown
 from cubicfish.files import write_files
 from cubicfish.photos import Picture
-from cubicfish.photos.photos import jpeg_segments, quiet_stderr, refuse_no_picture
-from cubicfish.views import PointProjector, camera_for_photos
-from cubicfish.views.maps import OUTSIDE
-from cubicfish_cli.undistortion.choose import build_view
-from cubicfish_cli.undistortion.options import INTERPOLATIONS, Interpolation
-
-CV2_FLAGS = dict(
-    zip(
-        INTERPOLATIONS,
-        (cv2.INTER_NEAREST, cv2.INTER_LINEAR, cv2.INTER_CUBIC, cv2.INTER_LANCZOS4),
-        strict=True,
-    )
-)
+from cubicfish.photos.photos import jpeg_segments, quiet_stderr
 
 # What each kind of file can hold: bits per channel, and channels (4 is with transparency). 32 bits
 # are floating point numbers.
@@ -61,118 +36,6 @@ _HOLDS = {
 
 
 _TIFF_LZW = 5
-# Pixels of a view whose map, of nine bytes per pixel, is in memory at a time.
-_BAND_PIXELS = 4_000_000
-
-
-def remap_picture(
-    picture: Picture, undistort_map: UndistortMap, interpolation: str = "linear"
-) -> Picture:
-    """Render the map's view from a picture: (H, W[, C]) -> (h, w[, C]), the same depth.
-
-    By default it is bilinear, and black where the map has nothing, as ``cv2.remap`` renders the
-    map's file. A fourth channel is 0 where the map has nothing.
-
-    Raises:
-        ViewError: the picture does not have the size that the map is for, or the interpolation is
-            not known.
-
-    """
-    if interpolation not in INTERPOLATIONS:
-        raise ViewError(
-            f"interpolation {quoted(interpolation)} is not known: "
-            f"{did_you_mean(str(interpolation), INTERPOLATIONS)}"
-        )
-    height, width = picture.shape[:2]
-    if (width, height) != undistort_map.image_size:
-        raise ViewError(
-            f"the photo has {width}x{height} pixels, the map is for "
-            f"{undistort_map.image_size[0]}x{undistort_map.image_size[1]}: "
-            "use photos of that size, neither scaled nor cropped nor turned"
-        )
-    return remap(picture, undistort_map.map_x, undistort_map.map_y, interpolation)
-
-
-def render_in_bands(
-    picture: Picture, camera: PointProjector, view: View, interpolation: str = "linear"
-) -> Picture:
-    """Render a view from a picture without the whole map in memory: some rows after the others.
-
-    Raises:
-        ViewError: as :func:`remap_picture` and :func:`build_map`.
-
-    """
-    width, height = view.size
-    flat = np.empty((height, width, *picture.shape[2:]), picture.dtype)
-    step = max(1, _BAND_PIXELS // width)
-    for top in range(0, height, step):
-        rows = range(top, min(height, top + step))
-        band = build_map(camera, view, rows)
-        flat[rows.start : rows.stop] = remap_picture(picture, band, interpolation)
-    return flat
-
-
-def remap(
-    values: Picture,
-    map_x: npt.NDArray[np.float32],
-    map_y: npt.NDArray[np.float32],
-    interpolation: str,
-    empty: float = 0,
-) -> Picture:
-    """Interpolate values (H, W[, C]) at the places of a map (h, w); ``empty`` where it has none."""
-    # Wider kernels reach over the photo's edge: mirror the photo there, rather than blend it.
-    wide = interpolation in ("cubic", "lanczos")
-    border = cv2.BORDER_REFLECT_101 if wide else cv2.BORDER_CONSTANT
-    flags = CV2_FLAGS[interpolation]
-    out = np.asarray(cv2.remap(values, map_x, map_y, flags, None, border, (empty,) * 4))
-    if wide:
-        out[map_x == OUTSIDE] = empty
-    return out
-
-
-def undistort(
-    picture: npt.NDArray[Any],
-    by: CubicCamera | UndistortMap,
-    view: View | None = None,
-    *,
-    interpolation: Interpolation = "linear",
-) -> npt.NDArray[Any]:
-    """Render a view from a photo, as ``cubicfish undistort`` does.
-
-    For many photos, make the map once with :func:`build_map` and pass it instead of the camera.
-
-    Args:
-        picture: (H, W) or (H, W, 1 to 4), uint8, uint16 or float32, of the size that the camera
-            was calibrated for or an exact rescale of it (a map takes its own size alone).
-        by: the camera, or a map.
-        view: what to render; by default flat, as large as the photo and with the photo's scale in
-            its middle, up to 120° across.
-        interpolation: how pixels are interpolated.
-
-    Returns:
-        (h, w) or (h, w, channels), of the view's size and the picture's dtype.
-
-    Raises:
-        ViewError: the picture is not one that the camera or the map is for, or an option is not
-            known.
-
-    """
-    kinds = (np.uint8, np.uint16, np.float32)
-    refuse_no_picture(picture, "the picture", ViewError, kinds=kinds)
-    if isinstance(by, UndistortMap):
-        if view is not None:
-            raise ViewError("a map has its view already: leave the view out, or pass the camera")
-        undistort_map = by
-    else:
-        if not isinstance(by, CubicCamera):
-            given = quoted(by) if isinstance(by, str | Path) else f"a {type(by).__name__}"
-            raise ViewError(
-                f"{given} is neither a camera nor a map: load_camera(...).camera is a camera"
-            )
-        camera = camera_for_photos(by, (picture.shape[1], picture.shape[0]))
-        undistort_map = build_map(camera, build_view(camera) if view is None else view)
-    flat = remap_picture(np.ascontiguousarray(picture), undistort_map, interpolation)
-    return flat.reshape((*flat.shape[:2], *picture.shape[2:]))
 
 
 @contextmanager

@@ -6,105 +6,26 @@ the source are negative, or beyond the frame where a format has no negative numb
 The virtual camera of a view is written as a file in plain YAML.
 """
 
-import json
 import shlex
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import IO, Any, Self
-from zipfile import ZipFile
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import BoolArray, CubicCamera, OutputError, UndistortMap, UsageError, View, ViewError
-from cubicfish.files import Content, whole_file
-from cubicfish.views import CentralView
-from cubicfish.views.fields import in_picture
-from cubicfish.views.maps import OUTSIDE
-from cubicfish.views.view import MAX_SIDE
+from cubicfish import OutputError, UndistortMap, UsageError, View
+from cubicfish.files import Content
+from cubicfish.views import CentralView, MapInBands
 from cubicfish_cli.undistortion.images import encode_picture, part_name
 
 Floats = npt.NDArray[np.float32]
 Shorts = npt.NDArray[np.uint16]
 
+_NO_PLACE = -1.0
 _BEYOND = 65_535
-_ROWS_PER_BLOCK = 32
-# What becomes of a map on its way into a file takes 40 bytes for each of so many pixels.
-_BAND_PIXELS = 1_000_000
-
-
-@dataclass(frozen=True, kw_only=True)
-class MapInBands:
-    """A map that is made some rows at a time, each time that it is gone through.
-
-    Attributes:
-        view: what is rendered, or what it is rendered from again.
-        size: (width, height) of the map.
-        make: the map of some rows.
-
-    """
-
-    view: View
-    size: tuple[int, int]
-    make: Callable[[range], UndistortMap]
-
-    @classmethod
-    def of(cls, made: UndistortMap) -> Self:
-        """A map that is there, in bands."""
-
-        def cut(rows: range) -> UndistortMap:
-            own = slice(rows.start, rows.stop)
-            x, y, valid = made.map_x[own], made.map_y[own], made.valid[own]
-            return replace(made, map_x=x, map_y=y, valid=valid)
-
-        height, width = made.map_x.shape
-        return cls(view=made.view, size=(width, height), make=cut)
-
-    def __iter__(self) -> Iterator[tuple[slice, UndistortMap]]:
-        """Yield rows and their map, from the top on."""
-        width, height = self.size
-        step = max(1, _BAND_PIXELS // width)
-        for top in range(0, height, step):
-            rows = range(top, min(height, top + step))
-            yield slice(rows.start, rows.stop), self.make(rows)
-
-    @property
-    def valid(self) -> BoolArray:
-        """(H, W) whether the photo has the pixel and the camera may be trusted there."""
-        return np.concatenate([band.valid for _, band in self])
-
-
-def build_redistort_map(camera: CubicCamera, view: View, rows: range | None = None) -> UndistortMap:
-    """The map that renders the camera's photo again from a picture of the view.
-
-    Args:
-        camera: whose photo it is.
-        view: what the picture shows.
-        rows: the rows of the photo that the map is of; all by default.
-
-    Raises:
-        ViewError: the camera's photos are larger than ``cv2.remap`` can take.
-
-    """
-    width, height = camera.image_size
-    if max(width, height) > MAX_SIDE:
-        raise ViewError(f"a side of a photo may have {MAX_SIDE} pixels at most")
-    rows = rows or range(height)
-    x, y = np.full((2, len(rows), width), OUTSIDE, np.float32)
-    valid = np.zeros((len(rows), width), bool)
-    for top in range(0, len(rows), _ROWS_PER_BLOCK):
-        own = slice(top, min(len(rows), top + _ROWS_PER_BLOCK))
-        pixel = np.stack(np.meshgrid(np.arange(width), rows[own]), axis=-1).astype(float)
-        source = view.pixels(camera.unproject(pixel))
-        inside = in_picture(source, view.size)
-        valid[own] = inside
-        x[own][inside], y[own][inside] = source[inside].T
-    return UndistortMap(
-        map_x=x, map_y=y, valid=valid, view=view, image_size=view.size, redistorts=True
-    )
+_BLOCK_PIXELS = 1_000_000
 
 
 def stmap(pixel_map: UndistortMap) -> tuple[Floats, Floats]:
@@ -116,50 +37,8 @@ def stmap(pixel_map: UndistortMap) -> tuple[Floats, Floats]:
     width, height = pixel_map.image_size
     u = (pixel_map.map_x.astype(float) + 0.5) / width
     v = 1 - (pixel_map.map_y.astype(float) + 0.5) / height
-    u[pixel_map.empty] = v[pixel_map.empty] = OUTSIDE
+    u[pixel_map.empty] = v[pixel_map.empty] = _NO_PLACE
     return u.astype(np.float32), v.astype(np.float32)
-
-
-def save_map(path: Path | str, undistort_map: UndistortMap, *, overwrite: bool = False) -> None:
-    """Write ``undistort_map.npz``: maps (H, W) of pixels, valid, view as JSON, format, image_size.
-
-    Raises:
-        OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
-
-    """
-    with whole_file(Path(path), overwrite=overwrite) as temporary:
-        write_npz(temporary, MapInBands.of(undistort_map))
-
-
-def write_npz(path: Path, made: MapInBands) -> None:
-    """Write such a file of a map of either direction (``format``), over an existing file too.
-
-    It is as ``numpy.savez`` writes it, but that ``map_x`` is never in memory.
-    """
-    width, height = made.size
-    y, valid = np.empty((height, width), np.float32), np.empty((height, width), bool)
-    head = {"descr": y.dtype.str, "fortran_order": False, "shape": y.shape}
-    with ZipFile(path, "w") as file:
-
-        def member(name: str) -> AbstractContextManager[IO[bytes]]:
-            return file.open(f"{name}.npy", "w", force_zip64=True)
-
-        with member("map_x") as part:
-            np.lib.format.write_array_header_1_0(part, head)
-            for rows, band in made:
-                part.write(band.map_x.tobytes())
-                y[rows], valid[rows] = band.map_y, band.valid
-        way = "redistort_map" if band.redistorts else "undistort_map"
-        more = {
-            "map_y": y,
-            "valid": valid,
-            "view": np.array(json.dumps(made.view.as_record())),
-            "format": np.array(f"cubicfish {way} 1"),
-            "image_size": np.array(band.image_size),
-        }
-        for name, values in more.items():
-            with member(name) as part:
-                np.lib.format.write_array(part, values, allow_pickle=False)
 
 
 def write_exr(path: Path, made: MapInBands) -> None:
@@ -251,18 +130,19 @@ def map_contents(paths: Sequence[Path], made: MapInBands) -> dict[Path, Content]
     """
     suffix = paths[0].suffix.lower()
     if suffix not in _PAIRS:
-        return {paths[0]: partial(write_npz if suffix == ".npz" else write_exr, made=made)}
+        write: Content = made.write if suffix == ".npz" else partial(write_exr, made=made)
+        return {paths[0]: write}
     width, height = made.size
     pair: list[Shorts] = []
 
-    def write(path: Path) -> None:
+    def write_next(path: Path) -> None:
         if not pair:
             pair.extend(np.empty((2, height, width), np.uint16))
             for rows, band in made:
                 pair[0][rows], pair[1][rows] = _PAIRS[suffix](band)
         _write_grey(path, pair.pop(0))
 
-    return dict.fromkeys(paths, write)
+    return dict.fromkeys(paths, write_next)
 
 
 def _write_grey(path: Path, values: Shorts) -> None:
@@ -273,7 +153,7 @@ def _write_grey(path: Path, values: Shorts) -> None:
     height, width = values.shape
     with path.open("wb") as file:
         file.write(f"P5\n{width} {height}\n{_BEYOND}\n".encode())
-        step = max(1, _BAND_PIXELS // width)
+        step = max(1, _BLOCK_PIXELS // width)
         for top in range(0, height, step):
             values[top : top + step].astype(">u2").tofile(file)
 

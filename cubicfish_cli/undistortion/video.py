@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import errno
 from collections import deque
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,8 +33,7 @@ from cubicfish import (
     shown,
 )
 from cubicfish.files import whole_file
-from cubicfish.listener import Count
-from cubicfish.views.maps import OUTSIDE
+from cubicfish.views import Interpolation, ViewOptions
 from cubicfish_cli.films.source import (
     decode,
     frame_count,
@@ -43,8 +43,7 @@ from cubicfish_cli.films.source import (
     opened,
 )
 from cubicfish_cli.undistortion.batch import Job, Size, Views, Write
-from cubicfish_cli.undistortion.images import naming, remap
-from cubicfish_cli.undistortion.options import ViewOptions
+from cubicfish_cli.undistortion.images import naming
 
 if TYPE_CHECKING:
     import av
@@ -87,7 +86,7 @@ class VideoViews(Views):
         self,
         camera: CubicCamera,
         wanted: View | ViewOptions | None,
-        interpolation: str,
+        interpolation: Interpolation,
         crf: int,
         listener: Listener,
     ) -> None:
@@ -153,7 +152,7 @@ def _run(
     stream: Any,
     remapper: _PlaneRemapper,
     writer: _Writer,
-    progress: Count,
+    progress: Callable[[int, int], None],
 ) -> tuple[int, int]:
     """Return how many frames were written, and how many more the source announces."""
     total = frame_count(container, stream)
@@ -290,7 +289,7 @@ class _PlaneRemapper:
     def __init__(
         self,
         undistort_map: UndistortMap,
-        interpolation: str,
+        interpolation: Interpolation,
         pixel_format: str,
         codec: str,
     ) -> None:
@@ -300,7 +299,7 @@ class _PlaneRemapper:
         self._dtype = np.dtype(np.uint8 if bits == 8 else np.uint16)
         self._bits = bits
         self._interpolation = interpolation
-        self._maps = [(undistort_map.map_x, undistort_map.map_y)]
+        self._maps = [undistort_map]
         if across:
             chroma = _make_chroma_maps(undistort_map, across, down, centred=codec in _CENTRED)
             self._maps += [chroma, chroma]
@@ -315,10 +314,10 @@ class _PlaneRemapper:
         if self._values is None:
             self._values = _find_black(self._bits, frame)
         self.turned_deg = self.turned_deg or int(getattr(frame, "rotation", 0) or 0)
-        for plane, out, (map_x, map_y), value in zip(
+        for plane, out, own, value in zip(
             given.planes, made.planes, self._maps, self._values, strict=False
         ):
-            flat = remap(self._get_pixels(plane), map_x, map_y, self._interpolation, value)
+            flat = own.render(self._get_pixels(plane), self._interpolation, value)
             self._get_pixels(out)[...] = flat
         made.pts, made.time_base = frame.pts, frame.time_base
         return made
@@ -347,7 +346,7 @@ def _find_layout(pixel_format: str) -> tuple[int, int, int]:
 
 def _make_chroma_maps(
     undistort_map: UndistortMap, across: int, down: int, *, centred: bool
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+) -> UndistortMap:
     """The map for colour samples, each of which stands for ``across`` x ``down`` pixels.
 
     A sample lies in the middle of its rows and on its first column, or where those of the source
@@ -359,13 +358,13 @@ def _make_chroma_maps(
         return np.asarray(np.mean([values[row::down, ::across] for row in range(down)], axis=0))
 
     photo_width, photo_height = undistort_map.image_size
-    limit_x, limit_y = -(-photo_width // across) - 1, -(-photo_height // down) - 1
+    size = -(-photo_width // across), -(-photo_height // down)
     shift_x = (across - 1) / 2 if centred else 0.0
-    x = np.clip((mean(undistort_map.map_x) - shift_x) / across, 0, limit_x)
-    y = np.clip((mean(undistort_map.map_y) - (down - 1) / 2) / down, 0, limit_y)
-    outside = mean(undistort_map.empty) > 0
-    x[outside] = y[outside] = OUTSIDE
-    return x.astype(np.float32), y.astype(np.float32)
+    x = np.clip((mean(undistort_map.map_x) - shift_x) / across, 0, size[0] - 1)
+    y = np.clip((mean(undistort_map.map_y) - (down - 1) / 2) / down, 0, size[1] - 1)
+    inside = mean(undistort_map.empty) == 0
+    map_x, map_y = (np.where(inside, one, -1).astype(np.float32) for one in (x, y))
+    return replace(undistort_map, map_x=map_x, map_y=map_y, valid=inside, image_size=size)
 
 
 def _find_black(bits: int, frame: av.VideoFrame) -> tuple[int, int, int]:

@@ -13,10 +13,9 @@ from command_tree import commands
 from running import SAMPLE, invoke_cli
 from running import Run as RunCommand
 
-from cubicfish.errors import OutputError
+from cubicfish import OutputError, Run
 from cubicfish.photos.photos import natural_key
 from cubicfish.rigs.rig import rig_text
-from cubicfish.run import Run
 from cubicfish_cli.plan import Plan
 
 READ = "read here, and would be replaced"

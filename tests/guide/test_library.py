@@ -27,11 +27,11 @@ from cubicfish import (
     DetectionError,
     FitError,
     OutputError,
+    TargetError,
     UsageError,
     ViewError,
 )
 from cubicfish.judge import FitRecord
-from cubicfish.judge.fit_record import fit_record
 from cubicfish_cli import (
     Calibration,
     CameraFile,
@@ -309,7 +309,7 @@ def test_what_a_photo_was_placed_by_says_nothing_of_the_object(
     monkeypatch: pytest.MonkeyPatch, corners: Observations, target: Target, fitted: Calibration
 ) -> None:
     from cubicfish import Detection, Finding
-    from cubicfish.find.identification.identified import PhotoReport
+    from cubicfish.find import PhotoReport
     from cubicfish.fit import calibrate as fitting
 
     calls: list[dict[str, Any]] = []
@@ -358,7 +358,7 @@ def test_nothing_is_printed_or_written(
     calibration = calibrate(detect(PHOTOS[0], target), target, hold_out=False)
     camera = calibration.camera
     evaluate(camera, calibration.pairs)
-    assert calibration.verdict.line
+    assert str(calibration.verdict)
     calibration.uncertainty(camera.project(camera.unproject([[480, 360]])))
     undistort(picture, camera, build_view(camera, "equidistant"))
     assert capfd.readouterr() == ("", "")
@@ -426,7 +426,9 @@ def test_planes_that_are_none_are_refused(fitted: Calibration, target: Target) -
     def said(board: str, *pose: Any) -> str:
         return refusal(ViewError, lambda: build_plane(fitted.camera, target, board, *pose))
 
-    assert "no board 'flor': did you mean" in said("flor", rotation, translation)
+    assert "'flor' is not in the target: did you mean 'floor'" in refusal(
+        TargetError, lambda: build_plane(fitted.camera, target, "flor", rotation, translation)
+    )
     assert "no rotation matrix" in said("floor", 2 * rotation, translation)
     assert "no rotation matrix" in said("floor", rotation[:2], translation)
     assert "not finite" in said("floor", rotation * np.nan, translation)
@@ -820,18 +822,20 @@ def test_pictures_and_views_that_cannot_be_are_refused(
     assert "did you mean 'cylindrical'" in no_view("cylinder")
     assert "unknown kind of view '3'" in no_view(3)
     assert "a cube is several views" in no_view("cube")
-    assert "--hfov and --scale say the same thing twice" in no_view(hfov_deg=90, focal=300)
+    assert "hfov_deg and focal say the same thing twice" in no_view(hfov_deg=90, focal=300)
     assert "sets how high the picture is" in no_view(hfov_deg=90, vfov_deg=60, size=(9, 9))
     for share in ("middle", "0.5", 1.5, float("nan"), (0.5,)):
-        assert "--fit must be 'inner'" in no_view(fit=share)
+        assert "fit must be 'inner'" in no_view(fit=share)
     for angles in ((1, 2), 5, "123", (0, 0, float("nan"))):
-        assert "--rotate must be yaw,pitch,roll" in no_view(rotate_deg=angles)
+        assert "rotate_deg must be yaw,pitch,roll" in no_view(rotate_deg=angles)
     for field in ("90", 0, -5, float("nan"), float("inf")):
-        assert "--hfov must be a number of degrees above 0" in no_view(hfov_deg=field)
-    assert "--hfov 270 is too wide: a perspective view shows less than 180" in no_view(hfov_deg=270)
-    assert "--scale must be a number of pixels" in no_view(focal=-3)
+        assert "hfov_deg must be a number of degrees above 0" in no_view(hfov_deg=field)
+    assert "hfov_deg 270 is too wide: a perspective view shows less than 180" in no_view(
+        hfov_deg=270
+    )
+    assert "focal must be a number of pixels" in no_view(focal=-3)
     for size in ((), (9.5, 9), 9, "99"):
-        assert "--size must be WIDTHxHEIGHT" in no_view(size=size)
+        assert "size must be WIDTHxHEIGHT" in no_view(size=size)
     assert "1 to 32766 pixels" in refusal(ViewError, lambda: build_view(camera, size=(0, 9)))
 
 
@@ -858,7 +862,9 @@ def test_uncertainty_is_known_in_the_field_alone(fitted: Calibration) -> None:
     narrow = replace(fitted.camera, max_angle_deg=20.0)
     assert np.isnan(replace(fitted, camera=narrow).uncertainty([[480, 100]])).all()
     silent = CameraFile(camera=fitted.camera, fit=FitRecord(), made_by={})
-    odd = replace(silent, fit=fit_record({"uncertainty": {"x": [1, 2], "y": "a", "sigma_px": []}}))
+    odd = replace(
+        silent, fit=FitRecord.of({"uncertainty": {"x": [1, 2], "y": "a", "sigma_px": []}})
+    )
     for file in (silent, odd):
         assert "does not say" in refusal(CameraFileError, lambda f=file: f.uncertainty([[1, 1]]))
     assert "not (..., 2)" in refusal(CorrespondenceError, lambda: fitted.uncertainty([1, 2, 3]))

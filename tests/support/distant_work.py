@@ -7,17 +7,16 @@ from pathlib import Path
 
 from synthetic import lens_of_size
 
-from cubicfish import build_map
+from cubicfish import build_map, undistort
 from cubicfish.files import whole_files as files
 from cubicfish.views import CentralView
-from cubicfish_cli.undistortion.images import remap_picture
 
 LENS = lens_of_size(0.125)
 MAP = build_map(LENS, CentralView.with_field("perspective", 100, (40, 30)))
 
 
 def render(job, photos) -> dict:
-    return {"": remap_picture(photos[""], MAP)}
+    return {"": undistort(photos[""], MAP)}
 
 
 def render_slowly(job, photos) -> dict:

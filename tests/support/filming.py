@@ -13,7 +13,7 @@ import numpy as np
 from synthetic import checkerboard, lens_of_size
 
 from cubicfish import Target
-from cubicfish.find.detection.finder import find_grids
+from cubicfish.find import find_grids
 from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses, simulated_photos
 

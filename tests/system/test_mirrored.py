@@ -14,9 +14,8 @@ from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
 from cubicfish import Target, TargetError
 from cubicfish.diagnosis.object_faults import find_wrong_layout
-from cubicfish.find.detection.finder import find_grids
+from cubicfish.find import find_grids, find_marked_corners
 from cubicfish.find.detection.grids import grid_in_mirror
-from cubicfish.find.detection.markers import find_marked_corners
 from cubicfish.find.identification.identified import Decided
 from cubicfish.find.identification.name_grids import name_grids
 from cubicfish.fit.radial_reference import fit_radial
@@ -24,9 +23,9 @@ from cubicfish.observe.detection import first_pass
 from cubicfish.photos import find_photos
 from cubicfish.solve.statistics import rms_px
 from cubicfish.target.boards.shape import BoardShape
-from cubicfish.target.target import target_text
 from cubicfish.workers import Work
 from cubicfish_cli.render.board_faces import board_face
+from cubicfish_cli.words.sentences import render
 from tests.cubicfish.find.detection.test_markers import MIXED, POSE, errors, mixed_photo, photo_of
 from tests.cubicfish.find.identification.test_name_grids import names, seen
 
@@ -59,7 +58,7 @@ def mirrored_photos(target, photos=6):
 
 @pytest.mark.slow
 def test_a_mirrored_object_is_named_and_fitted_as_the_mirror_shows_it():
-    target = Target.from_data({"mirrored": True, **yaml.safe_load(target_text(corner_of_three()))})
+    target = Target.from_data({"mirrored": True, **yaml.safe_load(corner_of_three().text())})
     grids, names_of = mirrored_photos(target.as_printed())
     identified = name_grids(grids, target, IMAGE_SIZE, names(len(grids)))
     corners = identified.corners
@@ -79,8 +78,8 @@ def test_a_mirrored_object_is_told_what_to_say():
     grids, _ = mirrored_photos(target)
     identified = name_grids(grids, target, IMAGE_SIZE, names(len(grids)))
     (finding,) = find_wrong_layout(grid_evidence(identified, target))
-    assert finding.what == "all photos are mirrored"
-    assert "mirrored: true at the top of target.yaml" in finding.do
+    assert render(finding).what == "all photos are mirrored"
+    assert "mirrored: true at the top of target.yaml" in render(finding).do
 
 
 @pytest.mark.slow
@@ -90,8 +89,8 @@ def test_an_object_that_is_not_mirrored_is_reported_to_be_so():
     shown = target.in_mirror()
     identified = name_grids(grids, shown, IMAGE_SIZE, names(len(grids)))
     (finding,) = find_wrong_layout(grid_evidence(identified, shown))
-    assert finding.what == "no photo is mirrored"
-    assert finding.do == "take mirrored: true out of target.yaml"
+    assert render(finding).what == "no photo is mirrored"
+    assert render(finding).do == "take mirrored: true out of target.yaml"
 
 
 @pytest.mark.parametrize(
@@ -117,9 +116,9 @@ def test_the_note_about_colours_says_what_to_write(tmp_path, said, mirrored, sho
     assert len(detection.corners.pixel) == 35
     (finding,) = detection.findings
     assert finding.severity == "note"
-    assert finding.do.startswith(reported)
-    assert ("take mirrored: true out" in finding.do) == mirrored
-    assert f"first_square is not {said}" in finding.what
+    assert render(finding).do.startswith(reported)
+    assert ("take mirrored: true out" in render(finding).do) == mirrored
+    assert f"first_square is not {said}" in render(finding).what
 
 
 @pytest.mark.slow
@@ -132,7 +131,7 @@ def test_a_first_square_of_the_other_colour_is_told_by_its_key():
     (finding,) = find_wrong_layout(
         grid_evidence(name_grids(grids, target, IMAGE_SIZE, names(6)), target)
     )
-    assert "first_square: dark" in finding.what
+    assert "first_square: dark" in render(finding).what
 
 
 @cache
@@ -173,11 +172,11 @@ def test_the_file_says_what_it_said():
     target = Target.from_data({**DATA, "mirrored": True})
     assert target.mirrored
     assert not printed.mirrored
-    assert yaml.safe_load(target_text(target)) == {
+    assert yaml.safe_load(target.text()) == {
         "mirrored": True,
-        **yaml.safe_load(target_text(printed)),
+        **yaml.safe_load(printed.text()),
     }
-    again = Target.from_data(yaml.safe_load(target_text(target)))
+    again = Target.from_data(yaml.safe_load(target.text()))
     np.testing.assert_allclose(again.corners()[3], target.corners()[3])
 
 

@@ -28,11 +28,9 @@ import numpy.typing as npt
 from numpy.polynomial import Polynomial, chebyshev, polynomial
 
 from cubicfish import CameraFileError, CubicCamera, FloatArray
-from cubicfish.angles import angle_from_axis
 from cubicfish.files import read_text
-from cubicfish.models import RadialCamera
-from cubicfish.models.formula_lens import FIXED, FormulaLens
-from cubicfish.solve.fit_lens import nearest_lens
+from cubicfish.models import FormulaLens, RadialCamera, angle_from_axis
+from cubicfish.solve import nearest_lens
 from cubicfish_cli.foreign.file_contents import PlacedLens, numbers, size
 
 # Degrees to try. Real files mostly have 4; the toolbox's C reader takes up to 63.
@@ -76,8 +74,8 @@ class ScaramuzzaLens(FormulaLens):
     cy: float
     stretch: FloatArray
     a: FloatArray
-    inverse: FloatArray = field(default_factory=lambda: np.zeros(0), metadata=FIXED)
-    max_radius: float | None = field(default=None, metadata=FIXED)
+    inverse: FloatArray = field(default_factory=lambda: np.zeros(0), metadata=FormulaLens.FIXED)
+    max_radius: float | None = field(default=None, metadata=FormulaLens.FIXED)
 
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:

@@ -25,8 +25,7 @@ import numpy as np
 from cubicfish import CameraFileError, FloatArray, quoted
 from cubicfish.files import read_text
 from cubicfish.files.plain_yaml import MAX_DEPTH, mapping, parse_plain_yaml
-from cubicfish.models import Lens, RadialCamera
-from cubicfish.models.formula_lens import FocalLens
+from cubicfish.models import FocalLens, Lens, RadialCamera
 from cubicfish_cli.extensions.formats.lenses import (
     PINHOLE,
     PinholeLens,

@@ -9,7 +9,15 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import CubicCamera, FloatArray, PhotoError, ViewError, build_map
+from cubicfish import (
+    CubicCamera,
+    FloatArray,
+    PhotoError,
+    ViewError,
+    build_map,
+    build_view,
+    undistort,
+)
 from cubicfish.photos import Picture
 from cubicfish.photos.photos import (
     data_uri,
@@ -20,8 +28,6 @@ from cubicfish.photos.photos import (
     thumbnail,
 )
 from cubicfish_cli.inputs.calibration_facts import Facts, PhotoRecord
-from cubicfish_cli.undistortion.choose import build_view
-from cubicfish_cli.undistortion.images import remap_picture
 
 Small = npt.NDArray[np.uint8]
 # So many a page can carry and a reader look at: more photos have a row in the table only.
@@ -163,7 +169,7 @@ def _make_example(facts: Facts, photo: PhotoRecord, picture: Picture) -> Example
         scale = min(1.0, 2 * _WIDE / max(view.size))
         size = (max(1, round(scale * view.size[0])), max(1, round(scale * view.size[1])))
         view = replace(view, size=size, focal=scale * view.focal)
-        after = remap_picture(picture, build_map(facts.camera, view))
+        after = undistort(picture, build_map(facts.camera, view))
     except ViewError:
         return None
     return Example(

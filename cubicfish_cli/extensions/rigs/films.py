@@ -22,14 +22,15 @@ from cubicfish import (
 from cubicfish.files import Content, FrameName, csv_text, write_files
 from cubicfish.observe import find_corners
 from cubicfish.photos import Photo, read_grey
-from cubicfish.rigs.times import CornerMotion
+from cubicfish.rigs import CornerMotion
 from cubicfish_cli.extensions.rigs.film_clocks import FilmMotion, match_films
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out
 from cubicfish_cli.films.choose import Seen, choose_shots
-from cubicfish_cli.films.frame_search import Found, why_ended
+from cubicfish_cli.films.frame_search import Found
 from cubicfish_cli.films.scan import Measured, report_film, scan, still_px
 from cubicfish_cli.films.source import open_films
 from cubicfish_cli.plan import Plan
+from cubicfish_cli.words.events import why_ended
 
 # Of so many moments for each that may be chosen the corners are looked for.
 _LOOKED_AT = 2
@@ -57,7 +58,7 @@ class ShotFrame:
     seconds: tuple[float, float]
 
 
-def moving_corners(
+def measure_motion(
     frames: Sequence[ShotFrame], pairs: Observations, listener: Listener
 ) -> CornerMotion:
     """How the corners move that were found in a camera's frames."""
@@ -83,8 +84,8 @@ def keeping_frames(frames: Sequence[ShotFrame], folder: Path) -> Iterator[None]:
     except CubicfishError as error:
         if not frames:
             raise
-        raise type(error)(
-            f"{error}; the chosen frames stay in {folder}: go on from its folders with '--shots "
+        raise error.amid(
+            after=f"; the chosen frames stay in {folder}: go on from its folders with '--shots "
             f"{folder / 'shots.csv'}'"
         ) from error
 
@@ -184,7 +185,7 @@ def _choose(
             step = f"Finding corners in {name}"
             detection = find_corners(photos, targets, run, again=False, step=step)
         except DetectionError as error:
-            raise DetectionError(f"camera {name}: no frame can be chosen: {error}") from error
+            raise error.amid(f"camera {name}: no frame can be chosen: ") from error
         patches = Found.of(detection).patches
         for row, index, photo in zip(rows, frames, photos, strict=True):
             shots[row][column] = Seen(
@@ -195,7 +196,9 @@ def _choose(
     sizes = [one.film.size for one in measured.values()]
     choice = choose_shots(shots, sizes, most, [still_px(size) for size in sizes])
     figures = {"chosen": len(choice.order), "shots": len(shots)}
-    run.listener.tell(Event.SHOTS_CHOSEN, **figures, ended=why_ended(choice, "shot"))
+    run.listener.tell(
+        Event.SHOTS_CHOSEN, **figures, ended=why_ended(choice.ended, len(choice.order), "shot")
+    )
     return {
         row: [column for column, one in enumerate(shots[row]) if one is not None and one.corners]
         for row in sorted(choice.order)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish import CameraFileError, Run, UsageError, ViewError, listed
 from cubicfish.files import StrPath
+from cubicfish.views import ViewOptions
 from cubicfish_cli.commands.map import MapFiles, files_of, photo_size_option, print_maps, write_maps
 from cubicfish_cli.commands.view_options import view_bundle
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_option
@@ -17,7 +17,6 @@ from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
-from cubicfish_cli.undistortion.options import ViewOptions
 
 if TYPE_CHECKING:
     from cubicfish import View
@@ -93,34 +92,31 @@ def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
     """
     import numpy as np
 
-    from cubicfish import build_map, load_rig, rectify
+    from cubicfish import load_rig, rectify
     from cubicfish.files.plain_yaml import plain_yaml_text
-    from cubicfish.rigs.rig import rig_file, rig_files
-    from cubicfish.views import CentralView, camera_for_photos, sees
-    from cubicfish_cli.undistortion.choose import ChosenView, chosen_view
+    from cubicfish.views import CentralView, ChosenView, choose_view, sees
     from cubicfish_cli.undistortion.map_formats import MapInBands, camera_path, map_paths
 
     goal, photo_size = Path(options.output), options.photo_size
     map_paths(goal)  # its name is refused first
     view = _describe_row_aligned(options.view)
-    path = rig_file(options.rig)
-    loaded = load_rig(path)
+    loaded = load_rig(options.rig)
     both = options.pair or tuple(one.name for one in loaded.cameras)
     if len(both) != 2:
         raise CameraFileError(f"name two of the rig's cameras with --pair: {', '.join(both)}")
     about = goal.with_suffix(".stereo.yaml")
     plan = map_paths(goal, both)
-    register = Plan(run).reads(rig_files(path, loaded))
+    register = Plan(run).reads(loaded.files)
     register.writes(*files_of(plan), about, *(camera_path(goal, one) for one in both))
     between = rectify(loaded, *both)
     if photo_size is not None:
-        one, other = (camera_for_photos(loaded.camera(name).camera, photo_size) for name in both)
+        one, other = (loaded.camera(name).camera.for_photos(photo_size) for name in both)
         between = replace(between, cameras=(one, other))
     if not sees(between, np.array([0.0, 0.0, 1.0])):
         raise ViewError(
             "the two cameras see nothing in common where both look: name two others with --pair"
         )
-    chosen = chosen_view(between, view)
+    chosen = choose_view(between, view)
     common = chosen.first
     if not isinstance(common, CentralView):
         raise ViewError("rows of both pictures agree in one central view only")
@@ -132,10 +128,7 @@ def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
         common = between.field_view(common)
         chosen = ChosenView(views={"": common})
     turned = zip(both, between.cameras, between.views(common), strict=True)
-    maps = {
-        name: MapInBands(view=own, size=own.size, make=partial(build_map, camera, own))
-        for name, camera, own in turned
-    }
+    maps = {name: MapInBands.of_camera(camera, own) for name, camera, own in turned}
     about_pair = {
         "cameras": list(both),
         "units": loaded.units,
@@ -144,7 +137,7 @@ def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
     }
     more = {about: plain_yaml_text(about_pair)}
     return PairMapFiles(
-        model=path,
+        model=loaded.files[0],
         own=files_of(plan),
         written=write_maps(plan, maps, goal, run, more),
         image_size=between.image_size,

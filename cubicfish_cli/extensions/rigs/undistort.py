@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from cubicfish import Run, listed
 from cubicfish.files import StrPath
+from cubicfish.views import ViewOptions
 from cubicfish_cli.commands.undistort import PictureOptions, named_sources, print_pictures
 from cubicfish_cli.commands.view_options import report_unseen, view_bundle
 from cubicfish_cli.extensions.rigs.options import rig_option
@@ -17,7 +18,6 @@ from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.terminal.progress import How
-from cubicfish_cli.undistortion.options import KINDS, ViewOptions
 
 if TYPE_CHECKING:
     from cubicfish import View
@@ -56,7 +56,7 @@ class RigUndistortOptions(PictureOptions):
     )
     rig: StrPath = rig_option
     view: View | ViewOptions | None = view_bundle(
-        kinds=listed([kind for kind in KINDS if kind != "cube"], word="or"),
+        kinds=listed([kind for kind in ViewOptions.KINDS if kind != "cube"], word="or"),
         kind_default="equirectangular, all around",
         size_default="equirectangular is as large as all that the cameras see at the photos' "
         "scale; others have the largest photo's",
@@ -87,27 +87,26 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = Run()) -> Un
 
     """
     from cubicfish import load_rig
-    from cubicfish.rigs.rig import rig_file, rig_files
+    from cubicfish.rigs import Body
+    from cubicfish.views import choose_view
     from cubicfish_cli.commands.pictures import plan_pictures, write_pictures
-    from cubicfish_cli.extensions.rigs.mosaic import Body
-    from cubicfish_cli.extensions.rigs.shots import RigViews, body_for_photos, shots_of
-    from cubicfish_cli.undistortion.choose import chosen_view
+    from cubicfish_cli.extensions.rigs.shots import RigViews, shots_of, sizes_of
 
-    model = rig_file(options.rig)
-    known = load_rig(model)
+    known = load_rig(options.rig)
     names, sources = [one.name for one in known.cameras], paths_of(named_sources(options.photos))
     shots = shots_of(sources, names, run.listener)
     suffix = next(iter(next(iter(shots.values())).values())).suffix
     jobs = {name: (f"{name}{suffix}", own) for name, own in shots.items()}
-    register = Plan(run, skip_existing=options.skip_existing).reads(rig_files(model, known))
+    register = Plan(run, skip_existing=options.skip_existing).reads(known.files)
     alone = len(shots) == 1
-    plan = plan_pictures("shot", jobs, Path(options.output), options, run, register, alone=alone)
+    plan = plan_pictures("shot", jobs, Path(options.output), options, register, alone=alone)
     view = options.view or ViewOptions()
     if isinstance(view, ViewOptions) and view.kind is None:
         view = replace(view, kind="equirectangular")
-    body = body_for_photos(Body(cameras=known.cameras, distance=options.distance), shots)
-    views = RigViews(body, chosen_view(body, view), options.interpolation)
-    return write_pictures(plan, views, model=model)
+    body = Body(cameras=known.cameras, distance=options.distance)
+    body = body.for_photos(sizes_of(shots.values()))
+    views = RigViews(body, choose_view(body, view), options.interpolation)
+    return write_pictures(plan, views, run, model=known.files[0])
 
 
 @as_command(

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cubicfish.find.demosaic import evened
 from cubicfish.find.detection.finder import find_grids
+from cubicfish.photos.demosaic import evened
 from cubicfish.photos.photos import grey
 
 RNG = np.random.default_rng(4)

@@ -10,20 +10,11 @@ from asymmetric_lens import AsymmetricLens
 from lenses import cubic_camera
 from synthetic import TRUE_LENS
 
-from cubicfish.errors import ViewError
-from cubicfish.io.camera_yaml import load_camera
+from cubicfish import ViewError, build_map, build_view, load_camera
 from cubicfish.models.sphere import cone_rays
-from cubicfish.views.fields import (
-    _sample_region,
-    _shows,
-    axis_focal,
-    fit_view,
-    seen_field_deg,
-    sees,
-)
-from cubicfish.views.maps import build_map
-from cubicfish.views.view import PROJECTIONS, CentralView, rotation_from_angles
-from cubicfish_cli.undistortion.choose import build_view
+from cubicfish.views import CentralView, sees
+from cubicfish.views.fields import _sample_region, _shows, axis_focal, fit_view, seen_field_deg
+from cubicfish.views.view import PROJECTIONS, rotation_from_angles
 
 SIZE = (120, 90)
 

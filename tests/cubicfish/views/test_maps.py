@@ -5,14 +5,11 @@ import numpy as np
 import pytest
 from synthetic import TRUE_LENS, lens_of_size
 
-from cubicfish.errors import ViewError
-from cubicfish.models.cubic import CubicCamera
+from cubicfish import CubicCamera, ViewError, build_map, build_view
+from cubicfish.models import RadialCamera
 from cubicfish.models.lift import lift
-from cubicfish.models.radial import RadialCamera
-from cubicfish.views import maps
-from cubicfish.views.maps import build_map
-from cubicfish.views.view import CentralView, rotation_from_angles
-from cubicfish_cli.undistortion.choose import build_view
+from cubicfish.views import CentralView, maps
+from cubicfish.views.view import rotation_from_angles
 
 LENS = lens_of_size(0.25)
 SIZE = LENS.image_size

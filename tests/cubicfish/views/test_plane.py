@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 from lenses import cubic_camera
 
-from cubicfish.errors import ViewError
-from cubicfish.target.boards.types import Checkerboard
-from cubicfish.target.target import Target
-from cubicfish.views.maps import build_map
-from cubicfish.views.plane import build_plane
+from cubicfish import Target, ViewError, build_map, build_plane
+from cubicfish.target import Checkerboard
 
 CAMERA = cubic_camera(100.0)
 ORIGIN = np.array([-30.0, -20.0, 60.0])

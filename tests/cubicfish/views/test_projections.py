@@ -12,18 +12,9 @@ from hypothesis import strategies as st
 from lenses import cubic_camera
 from saved_maps import every_pixel
 
-from cubicfish.errors import UsageError
-from cubicfish.models.cubic import CubicCamera
-from cubicfish.views.maps import build_map
-from cubicfish.views.view import (
-    FACES,
-    PROJECTIONS,
-    CentralView,
-    PlaneView,
-    face_views,
-    rotation_from_angles,
-)
-from cubicfish_cli.undistortion.options import KINDS, ViewOptions
+from cubicfish import CubicCamera, UsageError, build_map
+from cubicfish.views import CentralView, ViewOptions
+from cubicfish.views.view import FACES, PROJECTIONS, PlaneView, face_views, rotation_from_angles
 
 S = math.sqrt(0.5)
 TURNED = rotation_from_angles(yaw_deg=50, pitch_deg=-20, roll_deg=70)
@@ -196,7 +187,7 @@ def test_no_kind_is_evaluated_ray_by_ray(monkeypatch, kind):
 
 
 def test_options_name_every_kind_that_there_is():
-    assert (*PROJECTIONS, "cube") == KINDS
+    assert (*PROJECTIONS, "cube") == ViewOptions.KINDS
 
 
 def test_the_faces_of_a_cube_meet_at_their_edges():

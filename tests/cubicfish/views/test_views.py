@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cubicfish.errors import ViewError
-from cubicfish.views.view import CentralView, rotation_from_angles
+from cubicfish import ViewError
+from cubicfish.views import CentralView
+from cubicfish.views.view import rotation_from_angles
 
 
 def angle_deg(a, b):

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from synthetic import lens_of_size
 
-from cubicfish import Listener, PhotoError, Run, ViewError, build_map
+from cubicfish import Listener, PhotoError, Run, ViewError, build_map, undistort
 from cubicfish.views import CentralView
 from cubicfish_cli.undistortion.batch import Job, write_many, write_one
-from cubicfish_cli.undistortion.images import remap_picture
 
 LENS = lens_of_size(0.125)
 MAP = build_map(LENS, CentralView.with_field("perspective", 100, (40, 30)))
@@ -29,7 +28,7 @@ def jobs_of(folder, count):
 
 
 def render(job, photos):
-    return {part: remap_picture(photos[""], MAP) for part in job.outputs}
+    return {part: undistort(photos[""], MAP) for part in job.outputs}
 
 
 class Counting(Listener):

@@ -6,20 +6,17 @@ import pytest
 from lenses import cubic_camera
 from synthetic import lens_of_size
 
-from cubicfish import OutputError, ViewError, build_map, read_picture
+from cubicfish import OutputError, ViewError, build_map, read_picture, save_map, undistort
 from cubicfish.photos.photos import decode_picture
-from cubicfish.views import CentralView
-from cubicfish_cli.undistortion import batch, images
+from cubicfish.views import CentralView, ChosenView, render
+from cubicfish_cli.undistortion import batch
 from cubicfish_cli.undistortion.batch import Job, Views, write_one
-from cubicfish_cli.undistortion.choose import ChosenView
 from cubicfish_cli.undistortion.images import (
     encode_picture,
     jpeg_like,
-    remap_picture,
     with_segments,
     write_picture,
 )
-from cubicfish_cli.undistortion.map_formats import save_map
 
 LENS = lens_of_size(0.125)
 WIDTH, HEIGHT = LENS.image_size
@@ -31,7 +28,7 @@ def undistort_picture_file(source, out, made, quality=None, *, overwrite):
     job = Job(name=source.name, photos={"": source}, outputs={"": out})
 
     def render(job, photos):
-        return {"": remap_picture(photos[""], made)}
+        return {"": undistort(photos[""], made)}
 
     problem = write_one(job, render, quality=quality, overwrite=overwrite)
     if problem is not None:
@@ -72,7 +69,7 @@ def test_a_photo_of_another_size_is_refused_with_both_sizes(tmp_path):
         undistort_picture_file(source, tmp_path / "out.png", MAP, overwrite=False)
     assert not (tmp_path / "out.png").exists()
     with pytest.raises(ViewError, match="neither scaled nor cropped"):
-        remap_picture(picture()[1:], MAP)
+        undistort(picture()[1:], MAP)
 
 
 def test_nothing_is_overwritten_unasked(tmp_path):
@@ -158,7 +155,7 @@ def test_floating_point_pictures_stay_so(tmp_path):
 def test_what_is_unseen_is_black_and_has_no_part_in_the_picture(interpolation, dtype):
     top = 1 if dtype == np.float32 else np.iinfo(dtype).max
     flat = np.full((HEIGHT, WIDTH, 3), top / 4, dtype)
-    made = remap_picture(flat, MAP, interpolation)
+    made = undistort(flat, MAP, interpolation=interpolation)
     assert not made[~MAP.valid].any()
     # No ringing against the border at the photo's edge.
     np.testing.assert_allclose(made[MAP.valid], top / 4, rtol=0.02)
@@ -170,7 +167,7 @@ def test_interpolations_are_cv2s():
     inner &= (MAP.map_y > 4) & (MAP.map_y < HEIGHT - 5)
     results = []
     for name, flag in [("nearest", 0), ("linear", 1), ("cubic", 2), ("lanczos", 4)]:
-        made = remap_picture(photo, MAP, name)
+        made = undistort(photo, MAP, interpolation=name)
         expected = cv2.remap(photo, MAP.map_x, MAP.map_y, flag)
         np.testing.assert_array_equal(made[inner], expected[inner])
         results.append(made)
@@ -180,7 +177,7 @@ def test_interpolations_are_cv2s():
 def test_what_the_camera_does_not_see_is_transparent():
     photo = np.full((HEIGHT, WIDTH, 4), 255, np.uint8)
     for interpolation in ("linear", "cubic"):
-        made = remap_picture(photo, MAP, interpolation)
+        made = undistort(photo, MAP, interpolation=interpolation)
         assert not made[~MAP.valid].any()
         assert (made[MAP.valid] == 255).all()
 
@@ -223,7 +220,7 @@ def test_a_picture_is_the_same_some_rows_at_a_time(monkeypatch, kind, interpolat
         Job(name="a", photos={"": Path("a")}, outputs={"": Path("b")}),
     )
     whole = views(job, {"": photo})[""]
-    monkeypatch.setattr(images, "_BAND_PIXELS", 2000)
+    monkeypatch.setattr(render, "_BAND_PIXELS", 2000)
     monkeypatch.setattr(batch, "_MOST_KEPT", 2000)
     monkeypatch.delattr(ChosenView, "maps")  # nothing makes the whole map
     anew = Views(camera, view, interpolation)

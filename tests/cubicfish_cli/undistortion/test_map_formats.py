@@ -13,18 +13,15 @@ import pytest
 from lenses import cubic_camera
 from saved_maps import read_map
 
-from cubicfish import OutputError, UndistortMap, UsageError, ViewError, build_map
+from cubicfish import OutputError, UndistortMap, UsageError, ViewError, build_map, save_map
 from cubicfish.files import write_files
-from cubicfish.views import CentralView, camera_for_photos
+from cubicfish.views import CentralView, MapInBands, bands
+from cubicfish.views.bands import build_redistort_map
 from cubicfish.views.view import MAX_SIDE, rotation_from_angles
-from cubicfish_cli.undistortion import map_formats
 from cubicfish_cli.undistortion.map_formats import (
-    MapInBands,
-    build_redistort_map,
     ffmpeg_command,
     map_contents,
     map_paths,
-    save_map,
     stmap,
     write_exr,
 )
@@ -59,7 +56,7 @@ def test_the_map_has_both_kinds_of_pixels():
 def test_a_map_made_in_bands_gives_the_same_files(tmp_path, monkeypatch, suffix, back):
     if suffix == ".exr":
         pytest.importorskip("OpenEXR")
-    small = camera_for_photos(CAMERA, (96, 72))
+    small = CAMERA.for_photos((96, 72))
     way = partial(build_redistort_map if back else build_map, small, VIEW)
     whole = way()
     sizes = []
@@ -70,7 +67,7 @@ def test_a_map_made_in_bands_gives_the_same_files(tmp_path, monkeypatch, suffix,
 
     size = whole.map_x.shape[::-1]
     before = [path.read_bytes() for path in written(tmp_path / f"whole{suffix}", whole)]
-    monkeypatch.setattr(map_formats, "_BAND_PIXELS", 10 * size[0] + 7)
+    monkeypatch.setattr(bands, "_BAND_PIXELS", 10 * size[0] + 7)
     banded = MapInBands(view=VIEW, size=size, make=make)
     paths = map_paths(tmp_path / f"banded{suffix}")[""]
     write_files(map_contents(paths, banded), overwrite=False)

@@ -10,19 +10,18 @@ import numpy as np
 import pytest
 from lenses import cubic_camera
 
-from cubicfish import Listener, OutputError, PhotoError, ViewError, build_map
+from cubicfish import Listener, OutputError, PhotoError, ViewError, build_map, undistort
 from cubicfish.listener import Count
-from cubicfish.views import CentralView, camera_for_photos
+from cubicfish.views import CentralView
 from cubicfish.views.view import rotation_from_angles
 from cubicfish_cli.films import source as source_of_frames
 from cubicfish_cli.undistortion.batch import Job
-from cubicfish_cli.undistortion.images import remap_picture
 from cubicfish_cli.undistortion.video import VideoViews, _make_chroma_maps, video_size
 
 av = pytest.importorskip("av")
 
 SIZE = (192, 144)
-CAMERA = camera_for_photos(cubic_camera(100.0), SIZE)
+CAMERA = cubic_camera(100.0).for_photos(SIZE)
 VIEW = CentralView.with_field("perspective", 140, (128, 96), rotation_from_angles(yaw_deg=45))
 MAP = build_map(CAMERA, VIEW)
 TIMES = [0, 40, 80, 133, 160, 300, 301, 420]  # milliseconds: not at a constant rate
@@ -132,7 +131,7 @@ def test_colours_without_loss_are_those_of_the_photos(tmp_path, suffix, interpol
     given, made = frames_of(source, "bgr24"), frames_of(out, "bgr24")
     assert len(made) == len(TIMES)
     for (_, photo), (_, got) in zip(given, made, strict=True):
-        np.testing.assert_array_equal(got, remap_picture(photo, MAP, interpolation))
+        np.testing.assert_array_equal(got, undistort(photo, MAP, interpolation=interpolation))
 
 
 @pytest.mark.parametrize("pix_fmt", ["yuv420p", "yuv422p", "yuv444p"])
@@ -159,7 +158,8 @@ def test_colour_samples_lie_where_their_codec_has_them(centred):
     # A view that shows the photo shifted: every pixel (x, y) comes from (x + 10.5, y + 3).
     x, y = np.meshgrid(np.arange(64, dtype=np.float32), np.arange(32, dtype=np.float32))
     made = replace(MAP, map_x=x + 10.5, map_y=y + 3, valid=np.ones((32, 64), bool))
-    map_x, map_y = _make_chroma_maps(made, 2, 2, centred=centred)
+    chroma = _make_chroma_maps(made, 2, 2, centred=centred)
+    map_x, map_y = chroma.map_x, chroma.map_y
     columns, rows = np.meshgrid(np.arange(32), np.arange(16))
     place = 2 * columns + 10.5  # in pixels of brightness
     np.testing.assert_allclose(map_x, (place - centred / 2) / 2, atol=1e-4)

@@ -21,8 +21,7 @@ import pytest
 from running import SAMPLE, Run
 
 import cubicfish
-from cubicfish.errors import ClusterError, PhotoError
-from cubicfish.listener import Listener
+from cubicfish import ClusterError, Listener, PhotoError
 from cubicfish.workers import cluster
 from cubicfish.workers.cluster import connect, do_one, versions_here
 from cubicfish_cli.undistortion.batch import Job, write_many, write_one

@@ -10,7 +10,6 @@ import pytest
 from json_keys import keys_of
 from running import Run
 
-from cubicfish.views import camera_for_photos
 from cubicfish_cli import load_rig
 from tests.cubicfish_cli.extensions.rigs.test_export import made_rig
 
@@ -29,7 +28,7 @@ def shots(rig: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two shots of the world's directions in colours."""
     folder = tmp_path_factory.mktemp("shots")
     for one in load_rig(rig).cameras:
-        camera = camera_for_photos(one.camera, HALF)
+        camera = one.camera.for_photos(HALF)
         width, height = camera.image_size
         pixel = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(float)
         rays = camera.unproject(pixel) @ one.rotation

@@ -1,4 +1,4 @@
-"""The view that options describe for a camera's photos, and remarks on it for people."""
+"""The view that options describe for a camera's photos, and what it leaves out of them."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
-from cubicfish import CubicCamera, UndistortMap, UsageError, View, build_map
-from cubicfish.views import CentralView, PointProjector
+from cubicfish.errors import UsageError
+from cubicfish.models.cubic import CubicCamera
 from cubicfish.views.fields import (
     Fit,
     axis_focal,
@@ -16,15 +16,19 @@ from cubicfish.views.fields import (
     lost_shares,
     seen_field_deg,
 )
-from cubicfish.views.maps import WholePhoto
-from cubicfish.views.view import Camera, face_views, rotation_from_angles
-from cubicfish_cli.undistortion.options import KINDS, OUTER, WHOLE, Kind, ViewOptions
+from cubicfish.views.maps import UndistortMap, WholePhoto, build_map
+from cubicfish.views.options import KINDS, OUTER, WHOLE, Kind, ViewOptions
+from cubicfish.views.view import (
+    Camera,
+    CentralView,
+    PointProjector,
+    View,
+    face_views,
+    rotation_from_angles,
+)
 
 MAX_DEFAULT_FIELD_DEG = 120.0
 """A flat picture of a wider field spends nearly all its pixels on the rim."""
-
-_LEAST_UNSEEN_DEG = 0.05  # printed numbers are rounded to this
-_MUCH = 0.1  # of what a photo shows
 
 
 def build_view(
@@ -72,7 +76,7 @@ def build_view(
     options = ViewOptions(
         kind=kind, hfov_deg=hfov_deg, vfov_deg=vfov_deg, focal=focal, fit=fit, **numbers
     )
-    view = chosen_view(camera, options).first
+    view = choose_view(camera, options).first
     assert isinstance(view, CentralView)
     return view
 
@@ -114,20 +118,34 @@ class ChosenView:
             return f"the six faces of a cube, {width}x{height} pixels each"
         return f"{width}x{height} pixels, {self.first.describe(self.unit)}"
 
-    def remarks(self) -> list[str]:
-        """Where the camera's field ends before the view's does, and what of the photos is lost."""
-        view, camera, notes = self.first, self.camera, []
-        if self.at_limit:
-            notes.append(
-                f"the camera sees more than a {view.kind} picture can show: its field ends at "
-                "the view's own limit, and --view stereographic or equidistant shows all"
-            )
-        if camera is None or len(self.views) > 1 or not isinstance(view, CentralView):
-            return notes
-        notes += _empty_parts(camera, view)
-        if not self.given_field:
-            notes += _lost_parts(camera, view, at_limit=self.at_limit)
-        return notes
+    @property
+    def seen_field_deg(self) -> tuple[float, float] | None:
+        """How much of the view's field the camera sees, across its middle and down, degrees.
+
+        None where that is not known: of a cube, of a plane, and of several cameras.
+        """
+        view = self.first
+        if self.camera is None or len(self.views) > 1 or not isinstance(view, CentralView):
+            return None
+        return seen_field_deg(self.camera, view)
+
+    @property
+    def extrapolates(self) -> bool:
+        """Whether it shows what photos show where the camera is not calibrated."""
+        return isinstance(self.camera, WholePhoto)
+
+    @property
+    def lost_shares(self) -> tuple[float, float] | None:
+        """How much of what photos show it leaves out, from 0 to 1; None where it is not known.
+
+        The first is the share where the camera is not calibrated, the second lies beyond the view's
+        edges.
+        """
+        camera = self.camera.camera if isinstance(self.camera, WholePhoto) else self.camera
+        view = self.first
+        if not isinstance(camera, CubicCamera) or not isinstance(view, CentralView):
+            return None
+        return lost_shares(camera, view) if len(self.views) == 1 else None
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON: of a cube, the first face and the names of all."""
@@ -140,49 +158,7 @@ class ChosenView:
         return record
 
 
-def _empty_parts(camera: PointProjector, view: CentralView) -> list[str]:
-    """Say how much of the view's field the camera sees, where that is not all."""
-    seen_deg = seen_field_deg(camera, view)
-    ways = [*zip(seen_deg, (view.hfov_deg, view.vfov_deg), ("across", "down"), strict=True)]
-    if all(field - seen < _LEAST_UNSEEN_DEG for seen, field, _ in ways):
-        return []
-    words = [
-        f"all {field:.1f}° {way}"
-        if field - seen < _LEAST_UNSEEN_DEG
-        else f"{seen:.1f}° of {field:.1f}° {way}"
-        for seen, field, way in ways
-    ]
-    return [f"the camera sees {', '.join(words)}: the rest is empty"]
-
-
-def _lost_parts(camera: PointProjector, view: CentralView, *, at_limit: bool) -> list[str]:
-    """Say how much of the photo is not calibrated, and how much lies beyond the view's edges."""
-    whole = isinstance(camera, WholePhoto)
-    own = camera.camera if isinstance(camera, WholePhoto) else camera
-    if not isinstance(own, CubicCamera):
-        return []
-    notes = []
-    uncalibrated, cut_off = lost_shares(own, view)
-    if whole and uncalibrated:
-        notes.append(
-            f"{100 * uncalibrated:.0f} % of the photo is extrapolated, where the camera is "
-            "not calibrated: --mask FILE marks what may be trusted"
-        )
-    elif uncalibrated > _MUCH:
-        notes.append(
-            f"{100 * uncalibrated:.0f} % of the photo is left out, where the camera is not "
-            "calibrated: calibrate again with photos in which the target reaches the photo's "
-            "edges, or have it extrapolated by --fit whole"
-        )
-    if cut_off > _MUCH and not at_limit:
-        notes.append(
-            f"{100 * cut_off:.0f} % of the photo lies beyond the picture's edges: "
-            "--fit outer or --view equidistant shows more of it"
-        )
-    return notes
-
-
-def chosen_view(camera: Camera, wanted: View | ViewOptions | None) -> ChosenView:
+def choose_view(camera: Camera, wanted: View | ViewOptions | None) -> ChosenView:
     """Choose the view of a camera's photos: as it is given, or as its options describe it.
 
     Raises:
@@ -212,7 +188,11 @@ def _cube_faces(camera: Camera, options: ViewOptions) -> Mapping[str, View]:
 
 def _shown_whole(camera: Camera) -> WholePhoto:
     if not isinstance(camera, CubicCamera):
-        raise UsageError("--fit whole is for photos of one camera: take --fit outer")
+        raise UsageError(
+            "{fit} whole is for photos of one camera",
+            do="take {fit} outer",
+            arguments={"fit": "fit"},
+        )
     return WholePhoto(camera=camera)
 
 

@@ -1,0 +1,215 @@
+"""The open benchmark of calibration tools: ``python benchmarks/open/run.py --help``.
+
+Only the standard library: each tool runs in an environment of its own, which is made here. What is
+done is not done again, so a run that was stopped goes on where it was.
+"""
+
+import argparse
+import ast
+import fnmatch
+import hashlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import fetch
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+# One thread each, and no chance: results and processor times are those of the tool.
+QUIET = {
+    f"{name}_NUM_THREADS": "1"
+    for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "RAYON", "OPENCV_FOR")
+} | {"PYTHONHASHSEED": "0", "MPLBACKEND": "Agg"}
+STOPPED = (signal.SIGINT, signal.SIGTERM)  # by the user, who will start it again
+ENDED = {signal.SIGXCPU: "took more than {} s", signal.SIGKILL: "was killed: too much memory?"}
+
+
+def constants(adapter):
+    """The adapter's constants, without importing what only its own environment has."""
+    found = {}
+    for node in ast.parse(adapter.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            try:
+                found[node.targets[0].id] = ast.literal_eval(node.value)
+            except ValueError:
+                continue
+    return found
+
+
+def python_of(adapter, about, work):
+    """The Python that has the tool, made if need be; or why there is none."""
+    if "PYTHON" in about:
+        module, how = about["NEEDS"]
+        here = subprocess.run([about["PYTHON"], "-c", f"import {module}"], capture_output=True)
+        return (about["PYTHON"], "") if here.returncode == 0 else ("", f"not installed: {how}")
+    packages = [one.format(root=ROOT) for one in about["PACKAGES"]]
+    name = f"{adapter.stem}-{digest(*packages)[:8]}"
+    folder = work / "environments" / name
+    python = folder / ("Scripts" if os.name == "nt" else "bin") / "python"
+    if not (folder / "done").exists():
+        shutil.rmtree(folder, ignore_errors=True)
+        if uv := shutil.which("uv"):
+            make = [[uv, "venv", "-q", "--python", "3.11", str(folder)]]
+            make.append([uv, "pip", "install", "-q", "--python", str(python), *packages])
+        else:
+            make = [[sys.executable, "-m", "venv", str(folder)]]
+            make.append([str(python), "-m", "pip", "install", "-q", *packages])
+        for command in make:
+            told = subprocess.run(command, capture_output=True, text=True)
+            if told.returncode:
+                return "", "not installed: " + " ".join(told.stderr.split())[-200:]
+        (folder / "done").touch()
+    return str(python), ""
+
+
+def digest(*parts):
+    """Of strings and files' contents, hexadecimal."""
+    found = hashlib.sha256()
+    for part in parts:
+        found.update(part.read_bytes() if isinstance(part, Path) else part.encode())
+    return found.hexdigest()
+
+
+def cameras_in(folders):
+    """Folders with a target and photos, a film or a table, by name."""
+    found = {}
+    for depth in ("*", "*/*"):
+        for target in sorted(
+            one for folder in folders for one in folder.glob(f"{depth}/target.yaml")
+        ):
+            here = target.parent
+            things = [here / "images", here / "corners.csv", *here.glob("film.*")]
+            if "cases" not in target.parts and any(one.exists() for one in things):
+                found[here.name] = here
+    return found
+
+
+def call(python, script, *arguments):
+    """A script of this folder by some Python; (exit status, what it said at the end)."""
+    command = [python, str(HERE / script), *map(str, arguments)]
+    env = os.environ | QUIET
+    env.pop("PYTHONPATH", None)
+    told = subprocess.run(command, capture_output=True, text=True, env=env)
+    return told.returncode, told.stderr + told.stdout
+
+
+def tried(python, problem, adapter, tool, job, folder, limit):
+    """All pieces of one tool on one camera, past every crash."""
+    alone = folder / "full.json"
+    if problem:
+        alone.write_text(json.dumps({"problem": problem}))
+        return
+    if alone.exists() and "not installed" in alone.read_text():
+        alone.unlink()
+    for _ in range(40):  # a crash ends one piece
+        status, said = call(python, "trial.py", adapter, tool, job, folder, limit)
+        (folder / "said.txt").write_text(said[-20000:], encoding="utf-8")
+        broken = list(folder.glob("*.begun"))
+        if status == 0 or -status in STOPPED:
+            return
+        for begun in broken:
+            begun.unlink()
+            why = ENDED.get(-status, f"crashed ({status})").format(limit)
+            begun.with_suffix(".json").write_text(json.dumps({"problem": why}))
+        if not broken:
+            break
+    alone.write_text(json.dumps({"problem": said.strip().splitlines()[-1][:200]}))
+
+
+def chosen(names, patterns):
+    """Those that a pattern (a name, or with *) fits."""
+    return [n for n in names if not patterns or any(fnmatch.fnmatch(n, p) for p in patterns)]
+
+
+def options():
+    """The command line."""
+    parser = argparse.ArgumentParser(description="The open benchmark of calibration tools.")
+    add = parser.add_argument
+    add(
+        "--data", type=Path, nargs="+", metavar="DIR", help="cameras' folders; none is fetched then"
+    )
+    add("--snapshots", type=Path, metavar="DIR", help="clones or bare repositories, owner+name")
+    add("--cameras", nargs="+", metavar="NAME", help="only these; * fits all")
+    add("--tools", nargs="+", metavar="NAME", help="only these; * fits all")
+    add("--work", type=Path, default=Path("open-benchmark"), metavar="DIR", help="where all goes")
+    add("--jobs", type=int, default=1, metavar="N", help="tools at a time [1]")
+    add("--limit", type=int, default=600, metavar="S", help="processor time for a piece [600]")
+    add("--list", action="store_true", help="name cameras and tools, and end")
+    return parser.parse_args()
+
+
+def prepared(names, found, work, python, missing):
+    """Of these cameras those whose corners are known, the tables made if need be."""
+    for name in names:
+        job = work / "jobs" / name
+        if not (job / "job.npz").exists():
+            status, said = call(python, "prepare.py", found[name], job)
+            if status:
+                missing[name] = said.strip().splitlines()[-1]
+                continue
+            print(f"{name}: corners", flush=True)
+        yield name
+
+
+def task_of(name, tool, adapter, about, work, limit):
+    """Arguments of ``tried``; what other code or corners left is removed."""
+    job = work / "jobs" / name / "job.npz"
+    folder = work / "results" / name / tool.replace(" ", "_").replace(",", "")
+    own = [HERE / f"{script}.py" for script in ("job", "trial", "measure")]
+    stamp = digest(job, adapter, *own, str(about))
+    if folder.exists() and (folder / "stamp").read_text() != stamp:
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "stamp").write_text(stamp)
+    (folder / "about.json").write_text(json.dumps({"tool": tool, **about}))
+    return adapter, tool, job, folder, limit
+
+
+def main():
+    """Corners, tools, trials, report."""
+    given, missing = options(), {}
+    work = given.work.resolve()
+    adapters = {file: constants(file) for file in sorted((HERE / "tools").glob("*.py"))}
+    tools = {name: file for file, about in adapters.items() for name in about["VARIANTS"]}
+    if given.list:
+        print("\n".join([*fetch.cameras(), "", *tools]))
+        return
+    if not given.data:
+        names = chosen(fetch.cameras(), given.cameras)
+        missing = fetch.all_of(names, work / "cameras", given.snapshots)
+    found = cameras_in(given.data or [work / "cameras"])
+    names, wanted = chosen(found, given.cameras), chosen(tools, given.tools)
+    ours = HERE / "tools" / "cubicfish.py"
+    pythons = {file: python_of(file, adapters[file], work) for file in map(tools.get, wanted)}
+    python, problem = python_of(ours, adapters[ours], work)
+    if problem:
+        sys.exit(f"cubicfish finds the corners and writes the report, and is {problem}")
+    tasks = [
+        (
+            *pythons[tools[tool]],
+            *task_of(name, tool, tools[tool], adapters[tools[tool]], work, given.limit),
+        )
+        for name in prepared(names, found, work, python, missing)
+        for tool in wanted
+    ]
+    with ThreadPoolExecutor(given.jobs) as pool:
+        try:
+            for task, _ in zip(tasks, pool.map(lambda one: tried(*one), tasks), strict=True):
+                print(f"{task[4].parent.name}: {task[3]}", flush=True)
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
+            sys.exit("stopped; the same command goes on from here")
+    (work / "missing.json").write_text(json.dumps(missing))
+    status, said = call(python, "report.py", work, json.dumps([names, wanted]))
+    print(said.strip())
+    sys.exit(status)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,202 @@
+"""One tool on one camera, run by the tool's own Python: ``trial.py ADAPTER TOOL JOB FOLDER LIMIT``.
+
+Each piece of work leaves FOLDER/<piece>.npz, and what is there is not done again. A piece that ends
+the process (a crash, more than LIMIT seconds of processor time) leaves FOLDER/<piece>.begun.
+"""
+
+import ast
+import importlib.util
+import json
+import os
+import resource
+import sys
+import traceback
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from job import Job
+from measure import apart, evaluated
+
+FOLDS = 5
+RECALL_PX = 2.0  # a detector's corner this near to one of the table is that corner
+CELLS = (16, 12)  # of the photo, of which each gives one ray to the halves
+
+
+class Trial:
+    """A tool on a camera; ``run`` does a piece, and returns arrays."""
+
+    def __init__(self, adapter, variant, job, folder):
+        spec = importlib.util.spec_from_file_location("adapter", adapter)
+        self.tool = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(self.tool)
+        self.adapter, self.variant, self.job, self.folder = adapter, variant, Job(job), folder
+        test, number = self.job.data["test"], np.arange(len(self.job.photos))
+        self.fold = np.where(test, 0, -1) if test.any() else number % min(FOLDS, len(number))
+
+    def pieces(self):
+        """All names, in the order in which they are done."""
+        folds = [f"fold{k}" for k in np.unique(self.fold[self.fold >= 0])]
+        fits = ["full", *folds, "halves"] if hasattr(self.tool, "fit") else []
+        own = hasattr(self.tool, "detect") and any(self.job.data["files"])
+        return fits + (["detect"] + [f"own_{fold}" for fold in folds if fits]) * own
+
+    def run(self, piece):
+        """The arrays of a piece."""
+        if piece.startswith("fold"):
+            return self.held_out(int(piece[4:]), self.job.photos)
+        if not piece.startswith("own_fold"):
+            return getattr(self, piece)()
+        own, table = known(self.folder, "detect"), self.job.data
+        if np.array_equal(own["point"], table["point"]) and np.allclose(
+            own["pixel"], table["pixel"]
+        ):
+            return known(self.folder, piece[4:])  # the table is its own
+        photos = [(*one[:2], *self.job.part(k, own)) for k, one in enumerate(self.job.photos)]
+        return self.held_out(int(piece[8:]), photos, extra=False)
+
+    def fitted(self, job):
+        """Of all starts the fit of least median error on its own photos.
+
+        Returns the model, its projection, its target's corners, and what was told on the way.
+        """
+        best, least, told = None, np.inf, {"lost": [], "seconds": 0.0}
+        starts = self.tool.VARIANTS[self.variant]
+        for start in range(starts):
+            begun = spent()
+            try:
+                model = self.tool.fit(job, self.variant, start)
+                seconds, lens = spent() - begun, partial(self.tool.project, model)
+                world = job.world if model.get("world") is None else model["world"]
+                middle = np.median(evaluated(lens, world, job.judged())[0]) if starts > 1 else 0.0
+            except Exception as problem:
+                told["lost"].append(f"start {start + 1} of {starts}: {said(problem)}")
+                continue
+            if best is None or middle < least:
+                best, least, told["seconds"] = (model, lens, world), middle, seconds
+        if best is None:
+            raise ValueError("; ".join(told["lost"]))
+        return *best, told
+
+    def full(self):
+        """A fit to all photos: its time, memory and claims, and errors on those very photos."""
+        job = self.job
+        model, lens, world, told = self.fitted(job)
+        pixel, _, _, rays = evaluated(lens, world, job.judged())
+        cell = np.floor(np.concatenate([one[3] for one in job.photos]) / job.size * CELLS)
+        spread = np.unique(cell @ [1, CELLS[0]], return_index=True)[1]
+        return {
+            "px": pixel, "rays": rays[spread], "seconds": told["seconds"],
+            "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+            "lines": lines_of(self.adapter), "note": str(model.get("note", "")),
+            "claims": json.dumps(model.get("claimed", {})), "lost": "; ".join(told["lost"]),
+            "refined": model.get("world") is not None,
+        }  # fmt: skip
+
+    def held_out(self, fold, photos, extra=True):
+        """Errors of a fold's photos by a lens fitted to the others.
+
+        ``extra``: also with the board as drawn where the tool fits it too, and as exported.
+        """
+        test = self.job.of(
+            [p for p, k in zip(self.job.photos, self.fold, strict=True) if k == fold]
+        )
+        train = self.job.of([p for p, k in zip(photos, self.fold, strict=True) if k != fold])
+        model, lens, world, _ = self.fitted(train)
+        found = {"photo": np.array([one[0] for one in test.photos for _ in one[2]])}
+        found["px"], found["min"], found["angle"], _ = evaluated(lens, world, test.judged())
+        if extra and model.get("world") is not None:
+            found["drawn"] = evaluated(lens, self.job.world, test.judged())[0]
+        if extra and hasattr(self.tool, "export"):
+            try:
+                found["export"] = evaluated(self.tool.export(model), world, test.judged())[0]
+            except Exception as problem:
+                found["export_problem"] = said(problem)
+        return found
+
+    def halves(self):
+        """How far lenses of every other photo are apart, over the field."""
+        lenses = [self.fitted(self.job.of(self.job.photos[half::2]))[1] for half in (0, 1)]
+        far = 1e4 * np.ptp(self.job.world, axis=0).max()
+        return {"px": apart(*lenses, far * known(self.folder, "full")["rays"])}
+
+    def detect(self):
+        """What the tool's own detector finds of the table's corners, and its own table."""
+        image, points, pixels, recalled = [], [], [], []
+        for number, (_, file, _, pixel) in enumerate(self.job.photos):
+            try:
+                point, own = self.tool.detect(file, self.job)
+            except NotImplementedError:
+                raise
+            except Exception:  # of this photo; the others may do
+                traceback.print_exc()
+                point, own = [], []
+            pixels.append(np.reshape(np.asarray(own, float), (-1, 2)))
+            points.append(np.asarray(point, int))
+            image.append(np.full(len(point), number))
+            away = np.linalg.norm(pixel[:, None] - pixels[-1], axis=-1)
+            recalled.append((away <= RECALL_PX).any(axis=1))
+        names, parts = ("image", "point", "pixel", "recalled"), (image, points, pixels, recalled)
+        return {name: np.concatenate(part) for name, part in zip(names, parts, strict=True)}
+
+
+def lines_of(adapter):
+    """Lines of the body of ``fit``: what a user of the tool would write."""
+    for part in ast.parse(Path(adapter).read_text(encoding="utf-8")).body:
+        if isinstance(part, ast.FunctionDef) and part.name == "fit":
+            return part.end_lineno - part.body[0].end_lineno
+    return 0
+
+
+def spent():
+    """Seconds of processor time of this process and its children."""
+    both = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(one.ru_utime + one.ru_stime for one in both)
+
+
+def known(folder, piece):
+    """What there is of a piece: arrays, or {"problem": ...} alone; {} if it was not done."""
+    if (file := folder / f"{piece}.json").exists():
+        return json.loads(file.read_text(encoding="utf-8"))
+    file = folder / f"{piece}.npz"
+    return dict(np.load(file)) if file.exists() else {}
+
+
+def said(problem):
+    """An exception in one line."""
+    return " ".join(f"{type(problem).__name__}: {problem}".split())[:200]
+
+
+def attempted(work):
+    """What work returns, or the problem that it ends with."""
+    try:
+        return work()
+    except Exception as problem:
+        traceback.print_exc()
+        return {"problem": said(problem)}
+
+
+def main():
+    """Do what is not yet done."""
+    adapter, variant, job, folder, limit = sys.argv[1:]
+    folder = Path(folder)
+    trial = attempted(lambda: Trial(adapter, variant, job, folder))
+    if isinstance(trial, dict):
+        (folder / "full.json").write_text(json.dumps(trial), encoding="utf-8")
+        return
+    for piece in trial.pieces():
+        before = known(folder, "detect" if piece.startswith("own") else "full")
+        if known(folder, piece) or ("problem" in before and piece != "detect"):
+            continue
+        begun = folder / f"{piece}.begun"
+        begun.touch()
+        # Only this piece: what was used so far, and as much again as is allowed.
+        most = int(spent() + float(limit)) + 1
+        resource.setrlimit(resource.RLIMIT_CPU, (most, resource.RLIM_INFINITY))
+        np.savez(folder / f"{piece}.part.npz", **attempted(partial(trial.run, piece)))
+        os.replace(folder / f"{piece}.part.npz", folder / f"{piece}.npz")
+        begun.unlink()
+
+
+if __name__ == "__main__":
+    main()
