@@ -24,8 +24,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from cubicfish import FitError, Observations, Target, calibrate, load_corners
-from cubicfish.judge.verdict import verdict
-from cubicfish.solve.subset import select_photos
 
 
 @dataclass(frozen=True)
@@ -53,17 +51,17 @@ def outcome(trial: Trial) -> tuple[Trial, str, list[str], list[str]]:
     """The verdict, causes and levels of what was found, and the words of what is bad."""
     target = Target.load(trial.target)
     pairs = load_corners(trial.corners, target)
-    pairs = select_photos(pairs, np.array(trial.photos))
+    pairs = pairs.of_photos(np.array(trial.photos))
     if trial.exchanged:
         pairs, target = exchanged(pairs, target)
     try:
         found = calibrate(pairs, target=target)
     except FitError as error:
         return trial, "stopped", [], [str(error)]
-    judged = verdict(found.fit, pairs.image_size, found.camera.outline())
-    words = [finding.line for finding in found.findings if finding.severity == "bad"]
+    judged = found.verdict
+    words = [str(finding) for finding in found.findings if finding.severity == "bad"]
     if judged.level == "bad" and not words:
-        words = [f"verdict: {judged.line}"]
+        words = [f"verdict: {judged}"]
     return (
         trial,
         judged.level,

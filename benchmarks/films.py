@@ -41,16 +41,15 @@ from cubicfish import (
     Observations,
     Run,
     Target,
+    aligned_difference,
+    calibrate,
     load_corners,
     save_corners,
 )
-from cubicfish.comparison import aligned_difference
 from cubicfish.files import FrameName
-from cubicfish.fit.calibrate import calibrate
 from cubicfish.models import cone_rays
 from cubicfish.observe import find_corners
 from cubicfish.photos import Photo, find_photos
-from cubicfish.solve.subset import select_photos
 from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.films.source import decode, opened
 
@@ -141,7 +140,7 @@ def measured(
     fits = [
         fitted(corners_in(chosen, target).with_target(target), target),
         fitted(pairs, target),
-        fitted(select_photos(pairs, np.unique(equal)), target),
+        fitted(pairs.of_photos(np.unique(equal)), target),
     ]
     angle = min(fit.camera.max_angle_deg for fit in fits if fit is not None)
     errors = [rms_px(fit, lens.far, np.deg2rad(angle)) for fit in fits]

@@ -26,10 +26,10 @@ from cubicfish.fit.prior import Prior, choose_prior
 from cubicfish.fit.radial_reference import RadialReference, radial_near, refit_radial
 from cubicfish.models import FocalLens, FormulaLens, RadialCamera, angle_from_axis, cone_rays
 from cubicfish.models.formula_lens import usable_angle_deg
+from cubicfish.solve import Poses, nearest_lens, rms_px
 from cubicfish.solve.adjustment import Adjustment, adjust
-from cubicfish.solve.fit_lens import FitLens, FixedLens, FreeLens, nearest_lens
-from cubicfish.solve.poses import Poses
-from cubicfish.solve.statistics import rms_px, wide_px
+from cubicfish.solve.fit_lens import FitLens, FixedLens, FreeLens
+from cubicfish.solve.statistics import wide_px
 from cubicfish.solve.subset import select, select_photos, world_scale
 from cubicfish.threads import one_blas_thread
 from cubicfish_cli.extensions.formats.lenses import DoubleSphereLens, UnifiedLens

@@ -20,7 +20,6 @@ import cv2
 import numpy as np
 
 from cubicfish import Target, load_camera
-from cubicfish.solve.poses import rotation_from_vector
 
 SAMPLE = Path(__file__).resolve().parents[1] / "sample_data"
 NOISE_PX = 0.1
@@ -50,7 +49,7 @@ def corners_of(folder: Path, camera: Path, count: int) -> Path:
     lines = [f"# cubicfish corners 1, image_size {width}x{height}", "image,board,column,row,x,y"]
     for number in range(count):
         vector, shift = poses[number % len(poses)]
-        turned = rotation_from_vector((vector + rng.normal(0, 0.05, 3))[None])[0]
+        turned = cv2.Rodrigues(vector + rng.normal(0, 0.05, 3))[0]
         moved = shift * (1 + rng.normal(0, 0.05, 3))
         pixel = loaded.camera.project(world @ turned.T + moved, near=True)
         pixel += rng.normal(0, NOISE_PX, pixel.shape)

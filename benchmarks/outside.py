@@ -21,7 +21,7 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
-from cubicfish.target import Checkerboard
+from cubicfish.target import BOARD_TYPES
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -32,9 +32,7 @@ from simulated import CornerErrors, simulated_corners
 from synthetic import TRUE_LENS
 from synthetic_lenses import SYNTHETIC_LENSES, synthetic_lens
 
-from cubicfish import CubicfishError, Target
-from cubicfish.comparison import aligned_difference
-from cubicfish.fit.calibrate import calibrate
+from cubicfish import CubicfishError, Target, aligned_difference, calibrate
 from cubicfish.models import cone_rays
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses
 
@@ -54,7 +52,7 @@ def board() -> Target:
     return Target(
         units="mm",
         boards=(
-            Checkerboard(
+            BOARD_TYPES["checkerboard"](
                 name="board",
                 columns=9,
                 rows=6,
@@ -83,7 +81,7 @@ def measured(lens, errors: CornerErrors, poses, target: Target, seed: int) -> tu
         lens, target, len(poses), seed=seed, errors=errors, poses=poses
     )
     start = time.process_time()
-    fit = calibrate(corners.with_target(target))
+    fit = calibrate(corners, target, refine_target="off")
     seconds = time.process_time() - start
     angle = min(fit.fit.covered_deg, lens.max_angle_deg - 0.5, fit.camera.max_angle_deg)
     rays = cone_rays(np.radians(angle), 3000)

@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import FitError, Observations
-from cubicfish.fit.calibrate import calibrate
+from cubicfish import FitError, Observations, calibrate
 from cubicfish.fit.point_fit import RatioFit, fit_ratio
 from cubicfish.models.lift import lift
 

@@ -31,10 +31,10 @@ from lens_models import compare_models
 from cubicfish import Calibration, FitError, Observations, Run, Target, calibrate, load_corners
 from cubicfish.fit.folds import FOLDS
 from cubicfish.models import RadialCamera
+from cubicfish.solve import Poses, rms_px
 from cubicfish.solve.adjustment import adjust
 from cubicfish.solve.fit_lens import FitLens, FixedLens, FreeLens
-from cubicfish.solve.poses import Poses
-from cubicfish.solve.statistics import huber_px, rms_px
+from cubicfish.solve.statistics import huber_px
 from cubicfish.solve.subset import select_photos
 from cubicfish_cli.extensions.formats.lenses import UnifiedLens
 

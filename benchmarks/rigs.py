@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -36,14 +37,13 @@ from cubicfish import (
     Observations,
     Rig,
     Target,
+    aligned_difference,
     calibrate_rig,
     compare_rigs,
     load_corners,
 )
-from cubicfish.comparison import aligned_difference
 from cubicfish.models import cone_rays
-from cubicfish.rigs.shots import Times, load_times
-from cubicfish.solve.subset import select_photos
+from cubicfish.rigs import load_times
 from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 
 NOISE = CornerErrors(noise=0.1, shared=0.0, spread=0.0)
@@ -256,7 +256,9 @@ def measure_growth(cameras: list[int], shots: list[int], field_deg: float) -> No
             )
 
 
-def halved(of: str, timed: bool) -> tuple[dict[str, Observations], Target, Times | None]:
+def halved(
+    of: str, timed: bool
+) -> tuple[dict[str, Observations], Target, Mapping[str, Mapping[str, float]] | None]:
     """Corners of a rig's cameras by name, their target, and when photos were taken."""
     if of == "triggered":
         setup = replace(SETUPS["stereo"], shots=40)
@@ -284,7 +286,7 @@ def measure_halves(of: str, timed: bool, seeds: range) -> None:
         try:
             for half in (mixed[::2], mixed[1::2]):
                 own = {
-                    name: select_photos(one, np.flatnonzero(np.isin(one.images, half)))
+                    name: one.of_photos(np.flatnonzero(np.isin(one.images, half)))
                     for name, one in cameras.items()
                 }
                 rigs.append(calibrate_rig(own, target, times=times))

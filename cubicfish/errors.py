@@ -6,9 +6,10 @@ exit code 1; a library caller can also catch the built-in class it derives from.
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from types import MappingProxyType
-from typing import Self
+from typing import Any, Self
 
 from cubicfish.wording import shown
 
@@ -23,6 +24,7 @@ class CubicfishError(Exception):
         about: the file that it is about, which the text begins with; empty where ``what`` names it.
         apart: whether ``what`` is a sentence of its own, after a colon.
         arguments: name -> an argument that helps, as a program writes it.
+        findings: Findings that are the cause; the first is told, after ``what`` if there is any.
 
     """
 
@@ -34,9 +36,11 @@ class CubicfishError(Exception):
         about: str = "",
         apart: bool = False,
         arguments: Mapping[str, str] = MappingProxyType({}),
+        findings: Sequence[Any] = (),
     ) -> None:
         self.what, self.do, self.about, self.apart = what, do, about, apart
-        self.arguments = dict(arguments)
+        self.arguments, self.findings = dict(arguments), tuple(findings)
+        self._before = self._after = ""
         super().__init__(self.text(self.arguments))
 
     @classmethod
@@ -45,12 +49,35 @@ class CubicfishError(Exception):
         check = "check the name and the current folder"
         return cls(f"{shown(path)} does not exist", do=f"{check}, or {do}" if do else check)
 
-    def text(self, arguments: Mapping[str, str]) -> str:
-        """The text with other words for arguments, such as options of a command line."""
-        text = f"{self.what}: {self.do}" if self.do else self.what
+    def text(
+        self,
+        arguments: Mapping[str, str],
+        tell: Callable[[Any], tuple[str, str]] = lambda finding: (str(finding), ""),
+    ) -> str:
+        """The text in other words.
+
+        Args:
+            arguments: the words for arguments, such as options of a command line.
+            tell: why and what to do, of a finding.
+
+        """
+        what, do = self.what, self.do
+        if self.findings:
+            why, remedy = tell(self.findings[0])
+            line = f"{why}; {remedy}" if remedy else why
+            what, do = (what, f"{do}; {line}" if do else line) if what else (why, remedy)
+        text = f"{what}: {do}" if do else what
         for name, own in self.arguments.items():
             text = text.replace(f"{{{name}}}", arguments.get(name, own))
-        return f"{self.about}{':' * self.apart} {text}" if self.about else text
+        text = f"{self.about}{':' * self.apart} {text}" if self.about else text
+        return f"{self._before}{text}{self._after}"
+
+    def amid(self, before: str = "", after: str = "") -> Self:
+        """The same error with more text around its own."""
+        again = copy(self)
+        again._before, again._after = before + self._before, self._after + after
+        again.args = (again.text(self.arguments),)
+        return again
 
 
 class TargetError(CubicfishError, ValueError):

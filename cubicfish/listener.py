@@ -44,12 +44,6 @@ class Event(StrEnum):
     RENDERED_FLAT = "rendered_flat"
     RENDERING = "rendering"
 
-    def line(self, **figures: Any) -> str:
-        """What is said of it."""
-        from cubicfish.judge.codes import words
-
-        return str(words().write_event(self, figures))
-
 
 class Listener:
     """Hears how far work is and what is reported on the way; this one keeps silent.
@@ -70,7 +64,7 @@ class Listener:
         """
 
     def tell(self, event: Event, **figures: Any) -> None:
-        """Something happened: its numbers and names; ``event.line(**figures)`` has the words."""
+        """Something happened: what it was, its numbers and its names."""
 
     def found(self, findings: Sequence[Finding]) -> None:
         """These are reported of photos and grids."""

@@ -104,7 +104,7 @@ class Run:
 
 
 def _record_file(file: Fingerprint) -> dict[str, str]:
-    return {"file": _as_text(str(file.path)), "sha256": file.sha256}
+    return {"file": _as_text(file.file), "sha256": file.sha256}
 
 
 def _as_text(words: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,12 +17,17 @@ from cubicfish import (
     load_corners,
 )
 from cubicfish.files import Fingerprint
-from cubicfish.find.identification.identified import line_of
-from cubicfish.io.corners_csv import load_correspondences
+from cubicfish.io import load_correspondences
 from cubicfish.photos.photos import VIDEO_SUFFIXES
-from cubicfish_cli.inputs.paths import holds_world_points, is_recording, named_photos, tables_among
+from cubicfish_cli.inputs.paths import (
+    InputKind,
+    is_recording,
+    named_photos,
+)
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.words.phrases import plural
+from cubicfish_cli.words.remarks import line_of
+from cubicfish_cli.words.sentences import record_of
 
 if TYPE_CHECKING:
     from cubicfish import Calibration
@@ -84,68 +88,42 @@ class Inputs:
         found = self.photo_findings
         return {
             "photo_problems": None if self.detection is None else list(map(line_of, found)),
-            "remarks": [one.as_record() for one in (*found, *more)],
+            "remarks": [record_of(one) for one in (*found, *more)],
         }
 
 
 def load_inputs(
+    kind: InputKind,
     inputs: Sequence[Path],
     target: TargetSource,
     run: Run,
     *,
-    correspondences: Path | None = None,
     image_size: tuple[int, int] | None = None,
     most: int | None = None,
 ) -> Inputs:
     """Read pairs from photos, one corners.csv or one correspondences.csv, which are checked.
 
     Args:
+        kind: what the inputs are.
         inputs: the photos, or the table.
         target: what they show.
         run: how the work is done.
-        correspondences: a table of 2D-3D pairs instead.
         image_size: (width, height) of the photos, for tables that do not say.
         most: of more photos than these, those that add most are taken.
 
     Raises:
-        UsageError: the inputs do not go together.
         CubicfishError: an input cannot be used.
 
     """
-    tables = tables_among(inputs)
-    pairs = correspondences or next(filter(holds_world_points, tables), None)
-    if pairs is not None:
-        file = Fingerprint.of(pairs)
-        loaded = Inputs(pairs=load_correspondences(pairs, image_size=image_size), files=(file,))
-    elif tables:
-        target_file, file = target.fingerprint(), Fingerprint.of(tables[0])
-        corners = load_corners(tables[0], target.load(run.listener)[0], image_size=image_size)
+    if kind == "photos":
+        loaded = _find_in_photos(inputs, target, run, most)
+    elif kind == "corners":
+        target_file, file = target.fingerprint(), Fingerprint.of(inputs[0])
+        corners = load_corners(inputs[0], target.load(run.listener)[0], image_size=image_size)
         loaded = Inputs(pairs=corners, corners=corners, files=(file,), target_file=target_file)
     else:
-        # Tables need no finder of corners, and begin at once without it.
-        from cubicfish.observe import find_corners
-
-        target_file = target.fingerprint()
-        targets = target.load(run.listener)
-        photos, ended = named_photos(inputs, run.listener), None
-        if most is not None and len(photos) > most:
-            from cubicfish_cli.films.frame_search import choose_photos
-
-            count = len(photos)
-            photos, ended = choose_photos(photos, targets, run, most=most)
-            run.listener.tell(Event.PHOTOS_CHOSEN, chosen=len(photos), photos=count, ended=ended)
-        elif most is None and len(photos) > _MANY:
-            run.listener.tell(Event.MANY_PHOTOS, photos=len(photos))
-        files = tuple(Fingerprint.of(photo.path) for photo in photos)
-        detection = find_corners(photos, targets, run)
-        loaded = Inputs(
-            pairs=detection.corners,
-            corners=detection.corners,
-            detection=detection,
-            files=files,
-            target_file=target_file,
-            chosen=ended,
-        )
+        file = Fingerprint.of(inputs[0])
+        loaded = Inputs(pairs=load_correspondences(inputs[0], image_size=image_size), files=(file,))
     pixel = loaded.pairs.pixel
     if len(pixel) > 1 and float((pixel.max(axis=0) - pixel.min(axis=0)).max()) < 1:
         x, y = pixel[0]
@@ -155,6 +133,35 @@ def load_inputs(
     return loaded
 
 
+def _find_in_photos(
+    inputs: Sequence[Path], target: TargetSource, run: Run, most: int | None
+) -> Inputs:
+    # Tables need no finder of corners, and begin at once without it.
+    from cubicfish.observe import find_corners
+
+    target_file = target.fingerprint()
+    targets = target.load(run.listener)
+    photos, ended = named_photos(inputs, run.listener), None
+    if most is not None and len(photos) > most:
+        from cubicfish_cli.films.frame_search import choose_photos
+
+        count = len(photos)
+        photos, ended = choose_photos(photos, targets, run, most=most)
+        run.listener.tell(Event.PHOTOS_CHOSEN, chosen=len(photos), photos=count, ended=ended)
+    elif most is None and len(photos) > _MANY:
+        run.listener.tell(Event.MANY_PHOTOS, photos=len(photos))
+    files = tuple(Fingerprint.of(photo.path) for photo in photos)
+    detection = find_corners(photos, targets, run)
+    return Inputs(
+        pairs=detection.corners,
+        corners=detection.corners,
+        detection=detection,
+        files=files,
+        target_file=target_file,
+        chosen=ended,
+    )
+
+
 def films_among(inputs: Sequence[Path]) -> list[Path]:
     """Those of the inputs that are films, recordings or patterns of such, by their names."""
     return [
@@ -162,8 +169,3 @@ def films_among(inputs: Sequence[Path]) -> list[Path]:
         for path in inputs
         if (path.suffix.lower() in VIDEO_SUFFIXES and not path.is_dir()) or is_recording(path)
     ]
-
-
-def recorded_as(text: str, path: Path) -> dict[str, str]:
-    """What camera.yaml has of a target whose file is written together with it."""
-    return {"file": str(path), "sha256": hashlib.sha256(text.encode()).hexdigest()}

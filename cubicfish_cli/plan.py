@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Self
 
 from cubicfish import OutputError, Run
-from cubicfish.files import refuse_existing
+from cubicfish.files import Content, refuse_existing, write_files
 from cubicfish.files.whole_files import refuse_outside, temporary_name
 from cubicfish_cli.inputs.paths import RECORDING_SUFFIXES, file_and_topic
 from cubicfish_cli.inputs.target_source import TargetSource
@@ -22,7 +22,12 @@ _Identity = tuple[int, int]
 
 
 class Plan:
-    """The register of a run: what it reads, and what it writes."""
+    """The register of a run: what it reads, and what it writes.
+
+    Attributes:
+        removed: what an earlier run had left and this one has removed.
+
+    """
 
     def __init__(self, run: Run, *, skip_existing: bool | None = None) -> None:
         """Begin with nothing.
@@ -37,6 +42,8 @@ class Plan:
         self._skips, self._can_skip = bool(skip_existing), skip_existing is False
         self._named: list[Path] = []  # inputs that nobody has looked for yet
         self._inputs: dict[_Identity, Path] = {}
+        self._left: list[Path] = []
+        self.removed: list[Path] = []
         self._outputs: dict[tuple[str, str], list[Path]] = {}
 
     def reads(self, *given: object) -> Self:
@@ -79,6 +86,33 @@ class Plan:
         wanted = [path for path in paths if not (self._skips and path.is_file())]
         refuse_existing(*wanted, overwrite=self._overwrite, can_skip=self._can_skip)
         return wanted
+
+    def leaves(self, *paths: Path) -> None:
+        """Add files that an earlier run may have left, and that go where this one has none.
+
+        Those that are inputs stay.
+        """
+        self._left += [path for path in paths if not self.is_read(path)]
+
+    def write(self, contents: Mapping[Path, Content | None]) -> list[Path]:
+        """Write planned files, all together or none.
+
+        Args:
+            contents: path -> what it holds; None for a file that is not to be.
+
+        Returns:
+            The files that were written.
+
+        Raises:
+            OutputError: one exists and may not be replaced, or cannot be written.
+
+        """
+        files = {path: content for path, content in contents.items() if content is not None}
+        left = [path for path in self._left if path not in files and path.is_file()]
+        obsolete = left if self._overwrite else ()
+        written = write_files(files, overwrite=self._overwrite, obsolete=obsolete)
+        self.removed = [path for path in obsolete if not path.exists()]
+        return written
 
     def is_read(self, path: Path) -> bool:
         """Whether a file is an input, whatever it is called there."""

@@ -26,6 +26,7 @@ from cubicfish.find.identification.identified import (
     FEWEST_CORNERS,
     Decided,
     Identified,
+    Place,
 )
 from cubicfish.fit.calibration import FitEvidence
 from cubicfish.judge.codes import Code, Severity
@@ -33,11 +34,12 @@ from cubicfish.judge.finding import Finding
 from cubicfish.target.boards.board import Board
 from cubicfish.target.placement import TURNS
 from cubicfish.target.target import Target
-from cubicfish.types import BoolArray
+from cubicfish.types import BoolArray, IntArray
 from cubicfish.wording import listed
 
 if TYPE_CHECKING:
     from cubicfish.find.identification.ends import Ends  # it loads pictures
+    from cubicfish.find.identification.scene import Scene
 
 # Photos that must show the whole board before squares count as counted for corners.
 _WHOLE_BOARDS = 3
@@ -220,41 +222,54 @@ def _find_fewer(identified: Identified, target: Target, boards: list[int]) -> di
     scene = identified.scene
     if scene is None or scene.camera is None or not doubtful:
         return {}
-    scene.place_grids()
+    scene = scene.placed()
     alone = len(boards_with_squares(target)) == 1
-    seen = defaultdict[int, list[Size]](list)
-    whole = defaultdict[int, list[tuple[Size, BoolArray]]](list)
+    seen = defaultdict[int, list[_Extent]](list)
     for own, reports in zip(scene.photos, identified.grids, strict=True):
         for index, report in zip(sorted(own), reports, strict=True):
-            place, grid = report.place, scene.grids[index]
+            place = report.place
             if place is None or place.board not in doubtful or report.corners < FEWEST_CORNERS:
                 continue
-            board = target.boards[place.board]
-            size = np.array([board.columns, board.rows])
-            turn, extent = TURNS[place.turn], grid.cells.max(axis=0) + 1
-            axes = np.abs(turn).argmax(axis=1)
-            if alone and (extent[axes[0]] < extent[axes[1]]) == (size[0] >= size[1]):
-                axes = axes[::-1]  # any place will do: it lies as its longer side does
-            columns, rows = extent[axes].tolist()
-            seen[place.board].append((columns, rows))
-            ends = scene.ends(own, index) if scene.poses[index] is not None else None
-            if ends is None or not _is_full(grid):
-                continue
-            ended = _find_ends_in_view(ends)[axes]
-            if not alone:
-                cells = grid.cells @ turn.T + [place.column, place.row]
-                ended = np.where(turn.sum(axis=1)[:, None] < 0, ended[:, ::-1], ended)
-                ended |= np.stack([cells.min(axis=0) == 0, cells.max(axis=0) == size - 1], axis=1)
-            whole[place.board].append(((columns, rows), ended.all(axis=1)))
-    counts = {}
-    for index, grids in whole.items():
-        board, most = target.boards[index], np.max(seen[index], axis=0)
-        short = most < [board.columns, board.rows]
-        alike = [(size == most)[short].all() for size, ended in grids if ended[short].all()]
-        if sum(alike) >= max(_FEWEST_PHOTOS, _AGREE_SHARE * len(alike)):
-            columns, rows = most.tolist()
-            counts[index] = Count(board=index, size=(columns, rows), photos=int(sum(alike)))
-    return counts
+            seen[place.board].append(_find_extent(scene, own, index, place, alone=alone))
+    counts = {index: _count_fewer(target, index, grids) for index, grids in seen.items()}
+    return {index: count for index, count in counts.items() if count is not None}
+
+
+_Extent = tuple[IntArray, BoolArray | None]
+"""How many columns and rows (2,) a grid has, and which of these ways (2,) both ends of its board
+are seen; None of a grid that has gaps."""
+
+
+def _find_extent(
+    scene: Scene, own: Sequence[int], index: int, place: Place, *, alone: bool
+) -> _Extent:
+    """Find how far a grid of a photo reaches on its board, which may be alone on its target."""
+    board, grid, turn = scene.target.boards[place.board], scene.grids[index], TURNS[place.turn]
+    size, extent = np.array([board.columns, board.rows]), grid.cells.max(axis=0) + 1
+    axes = np.abs(turn).argmax(axis=1)
+    if alone and (extent[axes[0]] < extent[axes[1]]) == (size[0] >= size[1]):
+        axes = axes[::-1]  # any place will do: it lies as its longer side does
+    ends = scene.ends(own, index) if scene.poses[index] is not None else None
+    if ends is None or not _is_full(grid):
+        return extent[axes], None
+    ended = _find_ends_in_view(ends)[axes]
+    if not alone:
+        cells = grid.cells @ turn.T + [place.column, place.row]
+        ended = np.where(turn.sum(axis=1)[:, None] < 0, ended[:, ::-1], ended)
+        ended |= np.stack([cells.min(axis=0) == 0, cells.max(axis=0) == size - 1], axis=1)
+    return extent[axes], ended.all(axis=1)
+
+
+def _count_fewer(target: Target, index: int, grids: Sequence[_Extent]) -> Count | None:
+    """Count a board's corners, if hardly any grid that ends in view has fewer than the largest."""
+    board, most = target.boards[index], np.max([extent for extent, _ in grids], axis=0)
+    short = most < [board.columns, board.rows]
+    ending = [extent for extent, ended in grids if ended is not None and ended[short].all()]
+    alike = sum(bool((extent == most)[short].all()) for extent in ending)
+    if alike < max(_FEWEST_PHOTOS, _AGREE_SHARE * len(ending)):
+        return None
+    columns, rows = most.tolist()
+    return Count(board=index, size=(columns, rows), photos=alike)
 
 
 def _is_shown_whole(identified: Identified, target: Target, index: int) -> bool:
@@ -292,10 +307,8 @@ def nothing_named(evidence: GridEvidence) -> list[Finding]:
         return []
     boards = grid_boards(target)
     seen = sum(bool(own) for own in identified.grids)
-    nominal = {_sort_sides((board.columns, board.rows)) for board in boards}
-    whole = _count_whole_grids(identified)
     common = max(_FEWEST_PHOTOS, _COMMON * seen)
-    others = [size for size, photos in whole.items() if photos >= common and size not in nominal]
+    others = _list_other_sizes(identified, target, common)
     if others or all(grid.verdict is Decided.TOO_LARGE for grid in grids):
         return [_describe_another_target(identified, target)]
     columns, rows = _find_largest(identified)
@@ -358,13 +371,28 @@ def _describe_another_target(identified: Identified, target: Target) -> Finding:
 
 def _describe_sizes(identified: Identified, target: Target) -> str:
     """Sizes of grids that photos show whole and the target does not have, or of the largest."""
-    nominal = {_sort_sides((board.columns, board.rows)) for board in grid_boards(target)}
-    whole = _count_whole_grids(identified).most_common(_MOST_SIZES)
-    common = [one for one in whole if one[1] >= _FEWEST_PHOTOS and one[0] not in nominal]
+    common = _list_other_sizes(identified, target, _FEWEST_PHOTOS, _MOST_SIZES)
     if common:
         return listed([f"{long}x{short} (in {photos})" for (long, short), photos in common], "")
     columns, rows = _find_largest(identified)
     return f"up to {columns}x{rows}"
+
+
+def _list_other_sizes(
+    identified: Identified, target: Target, least: float, most: int | None = None
+) -> list[tuple[Size, int]]:
+    """Sizes of whole grids that are no board's, in how many photos each, of the commonest ones.
+
+    Args:
+        identified: what became of all grids.
+        target: the calibration target.
+        least: what fewer photos show is left out.
+        most: so many sizes are looked at; None for all.
+
+    """
+    nominal = {_sort_sides((board.columns, board.rows)) for board in grid_boards(target)}
+    sizes = _count_whole_grids(identified).most_common(most)
+    return [(size, photos) for size, photos in sizes if photos >= least and size not in nominal]
 
 
 def _count_whole_grids(identified: Identified) -> Counter[Size]:
@@ -392,7 +420,7 @@ def _sort_sides(size: Size) -> Size:
 
 def many_lost(evidence: PhotoEvidence) -> list[Finding]:
     """Find that one reason loses more than a third of the photos in which boards were found."""
-    lost = defaultdict[Code, list[Finding]](list)
+    lost = defaultdict[str, list[Finding]](list)
     for one in evidence.lost:
         lost[one.code].append(one)
     own = max(lost.values(), key=len, default=[])

@@ -77,7 +77,7 @@ def _has_one_lens(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
 
 
 def _is_counted(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
-    return _is_named(evidence, found) and all(one.code is not Code.CORNER_COUNT for one in found)
+    return _is_named(evidence, found) and all(one.code != Code.CORNER_COUNT for one in found)
 
 
 def _may_doubt_boards(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
@@ -148,5 +148,5 @@ def find_faults(evidence: Evidence, known: Sequence[Finding] = ()) -> list[Findi
 
 
 def _does_explain_failure(finding: Finding) -> bool:
-    counted = finding.code is Code.CORNER_COUNT and finding.severity is Severity.CARE
+    counted = finding.code == Code.CORNER_COUNT and finding.severity is Severity.CARE
     return counted or finding.severity is Severity.BAD

@@ -23,6 +23,7 @@ from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
 from cubicfish.models.radial import RadialCamera
 from cubicfish.solve.adjustment import Adjustment
+from cubicfish.solve.fit_lens import FixedLens
 from cubicfish.solve.statistics import noise_px, rms_px
 from cubicfish.solve.subset import flatness, select, select_photos
 from cubicfish.target.observations import Observations
@@ -96,25 +97,9 @@ def board_fault(
         if min(len(others.pixel), len(own.pixel)) < FEWEST_CORNERS:
             continue
         fit = _fit_sharply(camera, others, noise)
-        if fit is None:
-            continue
-        blame = partial(Finding, images=pairs.images, boards=(target.boards[board].name,))
-        best: dict[str, Any] = {}
-        least = np.inf
-        for naming, points in _rename_corners(own, target):
-            miss = camera.project(fit.poses.apply(own.image, points / scale)) - own.pixel
-            length = np.hypot(miss[:, 0], miss[:, 1])
-            error = float(np.median(np.where(np.isfinite(length), length, np.inf)))
-            # Of two that fit, the simpler one, unless the other fits clearly better.
-            if error < _NEAR * 2 * noise and error < 0.5 * least:
-                best, least = naming, error
-        if best:
-            return blame(code=Code.CORNER_NAMES, figures={"error_px": least, **best})
-        # Corners that are no clean board by themselves are blurred, and do not show a place.
-        alone, _, _ = fit_poses(camera, own)
-        if alone is None or noise_px(np.vstack([fit.residual, alone.residual])) > _CLEAN * noise:
-            continue
-        return blame(code=Code.BOARD_PLACE, case="moved")
+        fault = None if fit is None else _blame_board(camera, fit, own, target, scale, noise)
+        if fault is not None:
+            return fault
     # Or the corners of all its boards are counted from one line further on.
     plain = all(target.boards[board].points is None for board in boards)
     for step in _STEPS[:8] if plain and len(boards) > 1 else []:
@@ -130,6 +115,38 @@ def board_fault(
                 code=Code.CORNER_NAMES, case="all_boards", images=pairs.images, figures=figures
             )
     return None
+
+
+def _blame_board(
+    camera: RadialCamera,
+    fit: Adjustment[FixedLens],
+    own: Observations,
+    target: Target,
+    scale: float,
+    noise: float,
+) -> Finding | None:
+    """Find why one board, with pairs of its own, does not fit where the others of its photo do.
+
+    ``fit`` is theirs; the rest is as for :func:`board_fault`.
+    """
+    board = target.boards[own.board[0]]
+    blame = partial(Finding, images=own.images, boards=(board.name,))
+    best: dict[str, Any] = {}
+    least = np.inf
+    for naming, points in _rename_corners(own, target):
+        miss = camera.project(fit.poses.apply(own.image, points / scale)) - own.pixel
+        length = np.hypot(miss[:, 0], miss[:, 1])
+        error = float(np.median(np.where(np.isfinite(length), length, np.inf)))
+        # Of two that fit, the simpler one, unless the other fits clearly better.
+        if error < _NEAR * 2 * noise and error < 0.5 * least:
+            best, least = naming, error
+    if best:
+        return blame(code=Code.CORNER_NAMES, figures={"error_px": least, **best})
+    # Corners that are no clean board by themselves are blurred, and do not show a place.
+    alone, _, _ = fit_poses(camera, own)
+    if alone is None or noise_px(np.vstack([fit.residual, alone.residual])) > _CLEAN * noise:
+        return None
+    return blame(code=Code.BOARD_PLACE, case="moved")
 
 
 def board_findings(
@@ -158,7 +175,7 @@ def board_findings(
             if figures:
                 named = figures.pop("named")
                 code, case = _FAULT_OF_NOMINAL.get(named, Code.BOARD_ORDER), "of_photos"
-                figures["order" if code is Code.BOARD_ORDER else "named"] = named
+                figures["order" if code == Code.BOARD_ORDER else "named"] = named
             figures = {"photos": len(own), **figures}
             together = replace(
                 together, code=code, case=case, severity=Severity.CARE, figures=figures
@@ -196,7 +213,9 @@ def _rename_corners(
             yield {"other": other.name, "named": "other_board"}, flat_points(other, c, r)
 
 
-def _fit_sharply(camera: RadialCamera, pairs: Observations, noise: float) -> Adjustment | None:
+def _fit_sharply(
+    camera: RadialCamera, pairs: Observations, noise: float
+) -> Adjustment[FixedLens] | None:
     """The poses of all photos, if their corners fit nearly as well as those of others."""
     fit, placed, _ = fit_poses(camera, pairs)
     if fit is None or len(placed.pixel) < len(pairs.pixel):
@@ -209,38 +228,45 @@ def left_out(evidence: FitEvidence) -> list[Finding]:
     pairs, fit, nominal = evidence.pairs, evidence.fit, evidence.fit.nominal
     mirrored = {name for one in handed(evidence) for name in one.images}
     names = _find_left_out(evidence) - mirrored
-    photos = np.flatnonzero([name in names for name in pairs.images])
     camera, noise = fit.reference.camera, noise_px(fit.reference.residual)
     scaled = pairs.with_world(pairs.world / nominal.scale)
-    findings: list[Finding] = []
-    unfit = np.array([p for p in photos if pairs.images[p] in fit.reference.unfit], np.intp)
+    unfit = _list_photos(pairs, names & {*fit.reference.unfit})
+    own = None
     if unfit.size:
         own = left_out_lens(camera, select_photos(scaled, unfit), noise, order=pairs.images)
-        if own is not None:
-            findings.append(own)
-            photos = np.array([p for p in photos if pairs.images[p] not in own.images], np.intp)
-    target, tried = nominal.target, photos[:_MOST_LEFT_OUT]
-    if target is None:
+    findings = [] if own is None else [own]
+    if nominal.target is None:
         return findings
+    photos = _list_photos(pairs, names.difference(*(one.images for one in findings)))
+    tried = photos[:_MOST_LEFT_OUT]
     singly = (select_photos(scaled, np.array([photo])) for photo in tried)
-    faults = [board_fault(camera, one, target, nominal.scale, noise) for one in singly]
-
-    def is_usual(name: str, times: int) -> bool:
-        """Whether so many of the tried photos that show it are nearly all of them."""
-        own = pairs.image[pairs.board == pairs.boards.index(name)]
-        shown = np.flatnonzero(np.bincount(own) >= FEWEST_CORNERS)
-        among, lost = (np.isin(shown, some).sum() for some in (tried, photos))
-        return bool(
-            times >= _FEWEST_PHOTOS and times * lost >= _NEARLY_ALL_PHOTOS * among * len(shown)
-        )
-
+    faults = (board_fault(camera, one, nominal.target, nominal.scale, noise) for one in singly)
+    is_usual = partial(_is_usual, pairs, tried, photos)
     return findings + board_findings([fault for fault in faults if fault is not None], is_usual)
+
+
+def _list_photos(pairs: Observations, names: set[str]) -> IntArray:
+    """The photos of these names, by their numbers."""
+    return np.flatnonzero([name in names for name in pairs.images])
+
+
+def _is_usual(
+    pairs: Observations, tried: IntArray, photos: IntArray, name: str, times: int
+) -> bool:
+    """Whether so many of the tried photos that show a board are nearly all of those that do.
+
+    ``photos`` are all that were left out, whether they were tried or not.
+    """
+    own = pairs.image[pairs.board == pairs.boards.index(name)]
+    shown = np.flatnonzero(np.bincount(own) >= FEWEST_CORNERS)
+    among, lost = (np.isin(shown, some).sum() for some in (tried, photos))
+    return bool(times >= _FEWEST_PHOTOS and times * lost >= _NEARLY_ALL_PHOTOS * among * len(shown))
 
 
 def _find_left_out(evidence: FitEvidence) -> set[str]:
     """The photos that were left out, and those in which a board lost half of its corners."""
     unfit = evidence.fit.reference.unfit.items()
-    names = {name for name, why in unfit if why.code is not Code.TOO_FEW_CORNERS}
+    names = {name for name, why in unfit if why.code != Code.TOO_FEW_CORNERS}
     return names.union(*_find_lost(evidence).values())
 
 
@@ -287,13 +313,8 @@ def left_out_lens(
         order: the names of all photos, in order.
 
     """
-    if flatness(pairs.world) < _FLAT and len(pairs.images) < _FEWEST_OF_A_PLANE:
-        return None
-    try:
-        own = fit_radial(pairs)
-    except (FitError, np.linalg.LinAlgError):
-        return None
-    if own.focal_uncertainty > _SURE_FOCAL or noise_px(own.residual) > _TYPICAL_NOISE * noise:
+    own = _fit_own_lens(pairs, noise)
+    if own is None:
         return None
     angle = np.linspace(0.1, own.covered, 30)
     radii = [lens.fx * lens.profile(angle) for lens in (camera, own.camera)]
@@ -301,16 +322,15 @@ def left_out_lens(
     ratio, shift = float(np.median(radii[1] / radii[0])), centres[1] - centres[0]
     if abs(ratio - 1) < _SAME_FOCAL and np.hypot(*shift) < 1:
         return None
-    names = list(own.pairs.images)
     if not _is_clearly_other(camera, own):
         return None
+    names = list(own.pairs.images)
     because, centre = "own_lens", centres[0]
     first = list(order[: len(names)]) == names
     if first and len(names) < len(order):  # those before the others, compared with these
         names = list(order[len(names) :])
         ratio, shift, centre = 1 / ratio, -shift, centres[1]
         because = "own_lens_before"
-    in_order = first or list(order[-len(names) :]) == names
     found = lens_change(
         ratio,
         shift,
@@ -318,13 +338,25 @@ def left_out_lens(
         names,
         [name for name in order if name not in names],
         pairs,
-        in_order=in_order,
+        in_order=first or list(order[-len(names) :]) == names,
         because=because,
         figures={"own_px": rms_px(own.residual)},
     )
     # The camera is that of the others, and right, unless the others may be the odd ones.
     many = len(own.pairs.images) >= _MANY_LEFT_OUT * len(order)
     return found if many else replace(found, severity=Severity.CARE)
+
+
+def _fit_own_lens(pairs: Observations, noise: float) -> RadialReference | None:
+    """The lens of photos that fit it as others fit theirs; None where there is no sure one."""
+    if flatness(pairs.world) < _FLAT and len(pairs.images) < _FEWEST_OF_A_PLANE:
+        return None
+    try:
+        own = fit_radial(pairs)
+    except (FitError, np.linalg.LinAlgError):
+        return None
+    unsure = own.focal_uncertainty > _SURE_FOCAL or noise_px(own.residual) > _TYPICAL_NOISE * noise
+    return None if unsure else own
 
 
 def _is_clearly_other(camera: RadialCamera, own: RadialReference) -> bool:

@@ -50,34 +50,42 @@ def otherwise_laid_out(evidence: MarkerEvidence) -> list[Finding]:
 
     Ids run row by row, so the markers that follow each other across rows show how long rows are.
     """
+    boards = evidence.target.boards
+    indices = range(len(boards)) if hardly_named(evidence) else unseen_boards(evidence)
+    found = (_find_rows(evidence, index) for index in indices if _may_differ(boards[index]))
+    return [one for one in found if one is not None]
+
+
+def _may_differ(board: Board) -> bool:
+    """Whether a board has markers that can be read as they are, in rows of any length."""
+    return board.markers is not None and not board.mirrored and not board.markers.inverted
+
+
+def _find_rows(evidence: MarkerEvidence, index: int) -> Finding | None:
+    """Find that the rows of a board are longer or shorter than the target says."""
     from cubicfish.find.detection.markers import find_marked_corners  # for photos alone
     from cubicfish.find.detection.markers_measure import agreeing_markers
 
-    target, findings = evidence.target, []
-    none = hardly_named(evidence)
-    for index in range(len(target.boards)) if none else unseen_boards(evidence):
-        board = target.boards[index]
-        if board.mirrored or board.markers is None or board.markers.inverted:
-            continue
-        boards = _try_layouts(board)
-        layouts = [target.with_boards({index: other}) for other in boards]
-        photos = list(richest(evidence))
-        counts: IntArray = np.zeros(len(boards), np.intp)
-        for picture, grids in photos:
-            counts = np.maximum(counts, agreeing_markers(picture, layouts, index, grids))
-        best = int(counts.argmax())
-        if _is_laid_out_alike(boards[best], board):
-            continue
-        longer = np.array([other.columns != boards[best].columns for other in boards])
-        if counts[best] < max(_LEAST_MARKERS, _CLEARLY * int(counts[longer].max(initial=0))):
-            continue
-        seen = [find_marked_corners(picture, layouts[best], grids) for picture, grids in photos]
-        rows = np.concatenate([one.row[one.board == index] for one in seen])
-        if len(rows):
-            some = len(evidence.corners.pixel) > 0 and not none
-            severity = Severity.CARE if some else Severity.BAD
-            findings.append(_describe_rows(board, boards[best], rows, int(counts[best]), severity))
-    return findings
+    board = evidence.target.boards[index]
+    boards = _try_layouts(board)
+    layouts = [evidence.target.with_boards({index: other}) for other in boards]
+    photos = list(richest(evidence))
+    counts: IntArray = np.zeros(len(boards), np.intp)
+    for picture, grids in photos:
+        counts = np.maximum(counts, agreeing_markers(picture, layouts, index, grids))
+    best = int(counts.argmax())
+    if _is_laid_out_alike(boards[best], board):
+        return None
+    longer = np.array([other.columns != boards[best].columns for other in boards])
+    if counts[best] < max(_LEAST_MARKERS, _CLEARLY * int(counts[longer].max(initial=0))):
+        return None
+    seen = [find_marked_corners(picture, layouts[best], grids) for picture, grids in photos]
+    rows = np.concatenate([one.row[one.board == index] for one in seen])
+    if not len(rows):
+        return None
+    some = len(evidence.corners.pixel) > 0 and not hardly_named(evidence)
+    severity = Severity.CARE if some else Severity.BAD
+    return _describe_rows(board, boards[best], rows, int(counts[best]), severity)
 
 
 def _try_layouts(board: Board) -> list[Board]:

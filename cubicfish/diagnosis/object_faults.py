@@ -8,6 +8,8 @@ or in some, they are named again as if the photos were mirrored, or with one thi
 target put right that is often wrong. What explains nearly all of them is reported.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,7 +21,12 @@ import numpy.typing as npt
 
 from cubicfish.diagnosis.evidence import GridEvidence
 from cubicfish.find.detection.grids import Grid, grid_in_mirror
-from cubicfish.find.identification.identified import FEWEST_CORNERS, Decided, GridReport
+from cubicfish.find.identification.identified import (
+    FEWEST_CORNERS,
+    Decided,
+    GridReport,
+    Identified,
+)
 from cubicfish.geometry import Similarity, similarity
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
@@ -117,7 +124,7 @@ def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | 
         found = []
         for finding, changed in level(seen):
             points = {**seen.nominal, **changed}
-            after = seen.difference(points, mirror=finding.code is Code.MIRRORED)
+            after = seen.difference(points, mirror=finding.code == Code.MIRRORED)
             if after <= _EXPLAINED * before:
                 found.append(Fault(finding=finding, before=before, after=after, points=points))
         if found:
@@ -297,59 +304,104 @@ def find_wrong_layout(evidence: GridEvidence) -> list[Finding]:
 
     The list is empty where most grids have a place, or nothing simple explains why they have none.
     """
-    from cubicfish.find.identification.name_grids import name_again  # for photos alone
-
-    identified, target = evidence.identified, evidence.target
+    target, seen = evidence.target, _Photos.of(evidence.identified)
     boards = [board for board in target.boards if board.points is None]
-    named, lost = _count_named(identified.grids)
-    odd = np.flatnonzero(lost > _LOST * (named + lost))
+    odd = np.flatnonzero(seen.lost > _LOST * (seen.named + seen.lost))
     if not len(odd) or not 2 <= len(boards) <= _MOST_BOARDS:
         return []
-    large = [_keep_large(own) for own in identified.found]
-    sizes = np.array([sum(map(len, own)) for own in large], np.intp)
-    width = identified.corners.image_size[0]
+    if 2 * len(odd) < len(seen.lost):
+        mirrored = _find_mirrored_photos(seen, target, odd)
+        if mirrored:
+            return mirrored
+    if seen.lost.sum() <= _LOST * (seen.named + seen.lost).sum():
+        return []
+    return _find_layout(seen, target)
 
-    def name_with(other: Target, photos: IntArray, mirrored: IntArray) -> IntArray:
-        """Count the corners of each photo that have a place on a target, some photos mirrored."""
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Photos:
+    """Grids of all photos that are large enough to say anything.
+
+    Attributes:
+        identified: what became of all grids.
+        large: for each photo, its large grids.
+        named, lost: for each photo, how many of their corners have a place, and fit nowhere.
+
+    """
+
+    identified: Identified
+    large: Sequence[tuple[Grid, ...]]
+    named: IntArray
+    lost: IntArray
+
+    @classmethod
+    def of(cls, identified: Identified) -> _Photos:
+        """Those among all grids."""
+        named, lost = _count_named(identified.grids)
+        large = [_keep_large(own) for own in identified.found]
+        return cls(identified=identified, large=large, named=named, lost=lost)
+
+    @property
+    def fullest(self) -> IntArray:
+        """The photos, those that show most first."""
+        return np.argsort(-(self.named + self.lost), kind="stable")
+
+    def corners(self, photos: IntArray) -> IntArray:
+        """How many corners the grids of photos have."""
+        return np.array([sum(map(len, self.large[photo])) for photo in photos], np.intp)
+
+    def name_with(self, target: Target, photos: IntArray, mirrored: IntArray) -> IntArray:
+        """Count the corners of photos that have a place on a target, some of them mirrored."""
+        from cubicfish.find.identification.name_grids import name_again  # for photos alone
+
+        width = self.identified.corners.image_size[0]
         own = [
-            tuple(grid_in_mirror(grid, width) for grid in large[photo])
+            tuple(grid_in_mirror(grid, width) for grid in self.large[photo])
             if photo in mirrored
-            else large[photo]
+            else self.large[photo]
             for photo in photos
         ]
-        return _count_named(name_again(identified, photos, other, own).grids)[0]
+        return _count_named(name_again(self.identified, photos, target, own).grids)[0]
 
-    def describe(finding: Finding, photos: IntArray, again: float) -> list[Finding]:
-        total = sizes[photos].sum()
-        shares = {"before": float(named[photos].sum() / total), "after": float(again / total)}
-        return [replace(finding, because="put_right", figures={**finding.figures, **shares})]
+    def put_right(self, finding: Finding, photos: IntArray, again: IntArray) -> Finding:
+        """Report what of photos has a place once a thing is put right: so many corners again."""
+        total = self.corners(photos).sum()
+        before, after = float(self.named[photos].sum() / total), float(again.sum() / total)
+        figures = {**finding.figures, "before": before, "after": after}
+        return replace(finding, because="put_right", figures=figures)
 
-    fullest = np.argsort(-(named + lost), kind="stable")
-    if 2 * len(odd) < len(fullest):
-        names = tuple(identified.corners.images[photo] for photo in odd)
-        finding = _bad(code=Code.MIRRORED, case="some_grids", images=names)
-        is_odd = np.isin(fullest, odd)
-        photos = np.sort(np.concatenate([fullest[one][:_PHOTOS] for one in (is_odd, ~is_odd)]))
-        again = name_with(target, photos, odd)
-        # Each of them by itself: a photo that shows something else does not speak for the others.
-        right = np.where(np.isin(photos, odd), sizes[photos], named[photos])
-        if (again > _FITS * right).all():
-            return describe(finding, photos, again.sum())
-    if lost.sum() <= _LOST * (named + lost).sum():
+
+def _find_mirrored_photos(seen: _Photos, target: Target, odd: IntArray) -> list[Finding]:
+    """Find that the odd photos, fewer than half of all, are mirrored and the others are not."""
+    names = tuple(seen.identified.corners.images[photo] for photo in odd)
+    is_odd = np.isin(seen.fullest, odd)
+    photos = np.sort(np.concatenate([seen.fullest[one][:_PHOTOS] for one in (is_odd, ~is_odd)]))
+    again = seen.name_with(target, photos, odd)
+    # Each of them by itself: a photo that shows something else does not speak for the others.
+    right = np.where(np.isin(photos, odd), seen.corners(photos), seen.named[photos])
+    if not (again > _FITS * right).all():
         return []
-    chosen = np.sort(fullest[:_PHOTOS])
-    if not lost[chosen].any():
-        chosen = np.flatnonzero(lost)[:_PHOTOS]
-    total = sizes[chosen].sum()
-    best, most = None, _FITS
+    finding = _bad(code=Code.MIRRORED, case="some_grids", images=names)
+    return [seen.put_right(finding, photos, again)]
+
+
+def _find_layout(seen: _Photos, target: Target) -> list[Finding]:
+    """Find the one thing that, put right, gives nearly all corners of full photos a place."""
+    chosen = np.sort(seen.fullest[:_PHOTOS])
+    if not seen.lost[chosen].any():
+        chosen = np.flatnonzero(seen.lost)[:_PHOTOS]
+    total = seen.corners(chosen).sum()
+    best: list[Finding] = []
+    most = _FITS
     for finding, other in _try_layouts(target):
-        mirrored = chosen if finding.code is Code.MIRRORED else chosen[:0]
-        share = float(name_with(other, chosen, mirrored).sum() / total)
+        mirrored = chosen if finding.code == Code.MIRRORED else chosen[:0]
+        again = seen.name_with(other, chosen, mirrored)
+        share = float(again.sum() / total)
         if share > most:
-            best, most = describe(finding, chosen, share * total), share + _CLEARLY
+            best, most = [seen.put_right(finding, chosen, again)], share + _CLEARLY
         if most >= 1:
             break
-    return best or []
+    return best
 
 
 def _count_named(reports: Sequence[Sequence[GridReport]]) -> tuple[IntArray, IntArray]:

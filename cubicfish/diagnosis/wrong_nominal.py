@@ -230,7 +230,7 @@ def explain_failure(evidence: FailedFit) -> list[Finding]:
         own = pairs.board == index
         world[own] = real[pairs.row[own] * target.boards[index].columns + pairs.column[own]] / scale
     corrected = pairs.with_world(world)
-    if fault.finding.code is Code.MIRRORED:
+    if fault.finding.code == Code.MIRRORED:
         corrected = in_mirror(corrected)
     again = fit_radial(corrected)
     noise = local_noise_px(again.pairs, again.residual)

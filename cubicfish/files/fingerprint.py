@@ -16,13 +16,18 @@ class Fingerprint:
     """What a file held when it was looked at.
 
     Attributes:
-        path: the file.
+        file: its name.
         sha256: of its bytes, 64 hexadecimal digits.
 
     """
 
-    path: Path
-    sha256: str
+    file: str = ""
+    sha256: str = ""
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return Path(self.file)
 
     @classmethod
     def of(cls, path: Path) -> Self:
@@ -45,4 +50,9 @@ class Fingerprint:
             raise CubicfishError(
                 f"{path} cannot be read ({error.strerror or error}): check its name and permissions"
             ) from error
-        return cls(path=path, sha256=sha256)
+        return cls(file=str(path), sha256=sha256)
+
+    @classmethod
+    def of_text(cls, path: Path, text: str) -> Self:
+        """Take the fingerprint of a file that is going to hold a text."""
+        return cls(file=str(path), sha256=hashlib.sha256(text.encode()).hexdigest())

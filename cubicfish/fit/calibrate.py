@@ -132,7 +132,7 @@ def calibrate(
             fits = isinstance(failure, _UndeterminedError)
             found = diagnose(FailedFit(pairs=pairs, target=target, fits=fits))
             # The likely cause in place of general advice.
-            error = FitError(error.what, do=found[0].line) if found else error
+            error = FitError(error.what, findings=found) if found else error
         raise error from failure
     used, poses = near.pairs, near.poses.of_world(origin)
     photos = photo_records(used, near.residual, poses)
@@ -211,12 +211,12 @@ def _assess(
         flat=flatness(used.world) < _NEARLY_FLAT,
         prior_weight=fit.prior.weight,
         prior_spread=fit.prior.spread,
-        coverage=coverage.field_cells(camera, used.pixel).coverage,
+        coverage=coverage.FieldCells.of(camera, used.pixel).coverage,
         findings=tuple(findings),
         uncertainty=uncertainty,
         dropped=len(dropped),
         dropped_corners=dropped,
-        unfit_images={photo: why.line for photo, why in reference.unfit.items()},
+        unfit_images=reference.unfit,
     )
     return Calibration(
         camera=camera,
@@ -227,7 +227,6 @@ def _assess(
         held_out=left_out,
         prior=fit.prior,
         runners_up=fit.runners_up,
-        unfit=reference.unfit,
         target=refined,
         renamed=nominal.renamed,
     )

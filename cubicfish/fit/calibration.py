@@ -36,7 +36,6 @@ class Calibration(Calibrated):
         prior: the prior that ties P to the reference.
         runners_up: priors that other photos would choose, with their probabilities; none where no
             photo was left out.
-        unfit: photos that were left out, with the reason.
         target: the target as fitted (the given one where nothing was refined); None for pairs
             without one.
         renamed: photos whose corners were renamed since the print shows the target the other way
@@ -53,9 +52,13 @@ class Calibration(Calibrated):
     held_out: HeldOut | None
     prior: Prior
     runners_up: Mapping[Prior, float]
-    unfit: dict[str, Finding]
     target: Target | None
     renamed: Mapping[str, Symmetry]
+
+    @property
+    def unfit(self) -> Mapping[str, Finding]:
+        """Photos that were left out, with the reason."""
+        return self.fit.unfit_images
 
     @property
     def refined(self) -> Level:

@@ -86,6 +86,26 @@ class FieldCells:
     hit: BoolArray
     blind: float
 
+    @classmethod
+    def of(cls, camera: CubicCamera | PointCamera, pixel: FloatArray) -> FieldCells:
+        """The field of a camera in squares, and which of them hold corners (N, 2), pixels."""
+        width, height = camera.image_size
+        cell = min(camera.image_size) / _CELLS
+        x = np.arange(cell / 2, width, cell)
+        y = np.arange(cell / 2, height, cell)
+        middle = np.stack(np.meshgrid(x, y), axis=-1)
+        field = inside_polygon(middle.reshape(-1, 2), camera.outline()).reshape(middle.shape[:2])
+        blind = 0.0
+        if isinstance(camera, CubicCamera):
+            blind = blind_angle(camera.unproject(pixel))
+            if blind:
+                field &= ~(angle_from_axis(camera.unproject(middle)) < blind)
+        column, row = np.floor(pixel / cell).astype(int).T
+        kept = (column >= 0) & (row >= 0) & (column < len(x)) & (row < len(y))
+        hit = np.zeros_like(field)
+        hit[row[kept], column[kept]] = True
+        return cls(cell=cell, field=field, hit=hit, blind=blind)
+
     @property
     def coverage(self) -> float:
         """Share of the field's squares that hold a corner, 0 to 1."""
@@ -95,26 +115,6 @@ class FieldCells:
     def empty(self) -> BoolArray:
         """(rows, columns) squares of the field without a corner."""
         return self.field & ~self.hit
-
-
-def field_cells(camera: CubicCamera | PointCamera, pixel: FloatArray) -> FieldCells:
-    """The field of a camera in squares, and which of them hold corners (N, 2), pixels."""
-    width, height = camera.image_size
-    cell = min(camera.image_size) / _CELLS
-    x = np.arange(cell / 2, width, cell)
-    y = np.arange(cell / 2, height, cell)
-    middle = np.stack(np.meshgrid(x, y), axis=-1)
-    field = inside_polygon(middle.reshape(-1, 2), camera.outline()).reshape(middle.shape[:2])
-    blind = 0.0
-    if isinstance(camera, CubicCamera):
-        blind = blind_angle(camera.unproject(pixel))
-        if blind:
-            field &= ~(angle_from_axis(camera.unproject(middle)) < blind)
-    column, row = np.floor(pixel / cell).astype(int).T
-    kept = (column >= 0) & (row >= 0) & (column < len(x)) & (row < len(y))
-    hit = np.zeros_like(field)
-    hit[row[kept], column[kept]] = True
-    return FieldCells(cell=cell, field=field, hit=hit, blind=blind)
 
 
 def coverage_extent(

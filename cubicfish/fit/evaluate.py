@@ -9,8 +9,10 @@ import numpy as np
 from cubicfish.errors import FitError
 from cubicfish.fit.held_out import pose_only_residual
 from cubicfish.fit.start import NONE_PLACED, fit_poses
-from cubicfish.judge.fit_record import ErrorStatistics, PhotoRecord
+from cubicfish.judge.fit_record import ErrorStatistics, FitRecord, PhotoRecord
 from cubicfish.judge.records import plain_record
+from cubicfish.judge.uncertainty import PixelUncertainty
+from cubicfish.judge.verdict import Verdict, evaluation_verdict
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.solve.poses import Poses
 from cubicfish.solve.statistics import error_statistics, photo_records
@@ -47,6 +49,15 @@ class Evaluation(Brief):
     def photos(self) -> tuple[PhotoRecord, ...]:
         """Errors and pose of each of ``pairs.images``."""
         return photo_records(self.pairs, self.residual, self.poses)
+
+    def uncertainty(self, fit: FitRecord) -> PixelUncertainty | None:
+        """How uncertain the camera of a fit is at these corners; None where that is not known."""
+        return fit.uncertainty.over(self.pairs.pixel)
+
+    def verdict(self, fit: FitRecord) -> Verdict:
+        """Judge the camera of a fit by how it does on these photos."""
+        size = self.pairs.image_size
+        return evaluation_verdict(self.errors, self.uncertainty(fit), fit, size)
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from cubicfish.angles import angle_from_axis
-from cubicfish.errors import FitError
+from cubicfish.errors import CameraFileError, FitError
 from cubicfish.fit.exported_lens import ConversionError, conversion_error
 from cubicfish.fit.nearest_cubic import linear_cubic, refined_cubic
 from cubicfish.geometry import inside_polygon
@@ -20,14 +20,14 @@ from cubicfish.types import FloatArray
 _RAYS = 4000
 _AZIMUTHS = 72
 _STEP_DEG = 0.25
-LARGEST_ANGLE_DEG = 175.0
-"""The most that a camera may be trusted to, from its axis."""
+# The most that a camera may be trusted to, from its axis.
+_LARGEST_ANGLE_DEG = 175.0
 # A polynomial lens bends wildly beyond where it was calibrated, and no file says where that is: a
 # field in which P is this near is taken rather than a wider one.
 _SHARES = (1.0, 0.97, 0.94, 0.9, 0.86, 0.8, 0.7)
 _GOOD_PX = 0.1
-LARGEST_FIELD_DEG = 110.0
-"""Fields of lenses that are sold reach a little farther at most."""
+# Fields of lenses that are sold reach a little farther at most.
+_LARGEST_FIELD_DEG = 110.0
 # Short of where a lens folds, its profile is flat and P would have to be infinitely steep.
 _FOLD_SHARE = 0.97
 # P is fitted a little farther than it is trusted.
@@ -60,19 +60,26 @@ class ImportedCamera:
     fold_deg: float | None = None
 
 
-def from_lens(lens: Lens, *, max_angle_deg: float = LARGEST_FIELD_DEG) -> ImportedCamera:
+def from_lens(lens: Lens, *, max_angle_deg: float | None = None) -> ImportedCamera:
     """Return the cubic camera nearest to a lens, least squares in pixels, and how near it is.
 
     Args:
         lens: the lens.
-        max_angle_deg: trust P up to this angle from the axis at most; it is never trusted
-            farther than the lens sees in the photo. Files do not say where the lens's own picture
-            ends, which often lies inside the photo.
+        max_angle_deg: trust P up to this angle from the axis at most, by default 110°; it is never
+            trusted farther than the lens sees in the photo. Files do not say where the lens's own
+            picture ends, which often lies inside the photo.
 
     Raises:
+        CameraFileError: the angle is not above 0 and at most 175°.
         FitError: the lens sees nothing of the photo, or no sound P is near it.
 
     """
+    if max_angle_deg is None:
+        max_angle_deg = _LARGEST_FIELD_DEG
+    if not 0 < max_angle_deg <= _LARGEST_ANGLE_DEG:
+        raise CameraFileError(
+            f"max_angle_deg must be above 0 and at most {_LARGEST_ANGLE_DEG:g}, not {max_angle_deg}"
+        )
     widest, ended_by, fold_deg = _measure_field(lens)
     if max_angle_deg < widest:
         widest, ended_by, fold_deg = max_angle_deg, "angle", None
@@ -123,7 +130,7 @@ def _measure_field(lens: Lens) -> tuple[float, EndedBy, float | None]:
     """
     ended_by: EndedBy = "photo"
     fold_deg = None
-    theta = np.deg2rad(np.arange(0, LARGEST_ANGLE_DEG, _STEP_DEG))
+    theta = np.deg2rad(np.arange(0, _LARGEST_ANGLE_DEG, _STEP_DEG))
     turn = np.linspace(0, 2 * np.pi, _AZIMUTHS, endpoint=False)
     rays = ray_at(*np.broadcast_arrays(theta, turn[:, None]))
     pixel = lens.project(rays.reshape(-1, 3)).reshape(*rays.shape[:2], 2)
@@ -156,7 +163,7 @@ def _measure_field(lens: Lens) -> tuple[float, EndedBy, float | None]:
 
 
 def _sample_seen(lens: Lens, angle_deg: float) -> tuple[FloatArray, FloatArray]:
-    rays = cone_rays(np.deg2rad(min(angle_deg, LARGEST_ANGLE_DEG)), _RAYS)
+    rays = cone_rays(np.deg2rad(min(angle_deg, _LARGEST_ANGLE_DEG)), _RAYS)
     pixel = lens.project(rays)
     good = np.isfinite(pixel).all(axis=1)
     # Far outside the photo a polynomial lens says anything.

@@ -72,7 +72,6 @@ class PointCalibration(CameraRecord):
         poses: camera_from_world of each photo, from the radial reference; None with one photo
             whose pose was not needed.
         residual: (N, 2) projection less pixel, pixels.
-        unfit: photos left out, with the reason.
         target: the nominal calibration target; None of pairs.
 
     """
@@ -81,8 +80,12 @@ class PointCalibration(CameraRecord):
     pairs: Observations
     poses: Poses | None
     residual: FloatArray
-    unfit: Mapping[str, Finding]
     target: Target | None = None
+
+    @property
+    def unfit(self) -> Mapping[str, Finding]:
+        """Photos that were left out, with the reason."""
+        return self.fit.unfit_images
 
 
 @one_blas_thread()
@@ -125,12 +128,11 @@ def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCali
             plain_rms_px=stages[0],
             reweighted_rms_px=stages[1],
             dropped=given - len(used.pixel),
-            unfit_images={photo: why.line for photo, why in unfit.items()},
+            unfit_images=unfit,
             per_image=(PhotoRecord(image=used.images[0], **vars(errors)),)
             if poses is None
             else photo_records(used, residual, poses),
         ),
-        unfit=unfit,
         target=pairs.target,
     )
 

@@ -30,7 +30,7 @@ from cubicfish.io.camera_keys import (
     unit_norm,
 )
 from cubicfish.judge.camera_facts import CameraFacts
-from cubicfish.judge.fit_record import ErrorStatistics, FitRecord, fit_record
+from cubicfish.judge.fit_record import ErrorStatistics, FitRecord
 from cubicfish.judge.uncertainty import UncertaintyGrid
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.lift import SIZE
@@ -90,7 +90,7 @@ class CameraRecord(CameraFacts):
 
     def __str__(self) -> str:
         """The camera's key figures and the verdict."""
-        return f"{self.line}\n{self.verdict.line}" if self.is_measured else self.line
+        return f"{self.line}\n{self.verdict}" if self.is_measured else self.line
 
     def __repr__(self) -> str:
         """The camera's key figures, no arrays."""
@@ -234,7 +234,7 @@ def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
     path = path / "camera.yaml" if path.is_dir() else path
     file = read_keys(path)
     camera = _make_point_camera(file) if file.data["lift"] == "point" else make_ray_camera(file)
-    fit, made_by = fit_record(file.inner("fit").data), file.inner("made_by").data
+    fit, made_by = FitRecord.of(file.inner("fit").data), file.inner("made_by").data
     if not isinstance(camera, CubicCamera):
         return PointCameraFile(camera=camera, fit=fit, made_by=made_by)
     _refuse_negative(file, fit.uncertainty)

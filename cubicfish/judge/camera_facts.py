@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cubicfish.angles import angle_from_axis
-from cubicfish.judge.codes import words
-from cubicfish.judge.fit_record import FitRecord, Origin, origin_of
+from cubicfish.judge.fit_record import FitRecord, Origin
 from cubicfish.judge.verdict import Verdict, verdict
 from cubicfish.models.cubic import CubicCamera
 
@@ -61,7 +60,7 @@ class CameraFacts:
     @property
     def origin(self) -> Origin:
         """Where the camera comes from, as far as ``made_by`` says it."""
-        return origin_of(self.made_by)
+        return Origin.of(self.made_by)
 
     @property
     def title(self) -> str:
@@ -105,8 +104,30 @@ class CameraFacts:
 
     @property
     def line(self) -> str:
-        """The key figures in one line, without the title."""
-        return str(words("camera").camera_line(self))
+        """The title, if there is one, and the key figures."""
+        return f"{self.title}: {self.figures}" if self.title else self.figures
+
+    @property
+    def figures(self) -> str:
+        """``1280x960 px, sees 174° x 143° (...), focal length 384.2 px, ..., good``."""
+        fit, seen = self.fit, self.field
+        parts = ["{}x{} px".format(*self.camera.image_size)]
+        if seen is not None:
+            around = f"{seen.horizontal:.0f}° x {seen.vertical:.0f}°"
+            parts.append(f"sees {around} ({seen.diagonal:.0f}° diagonal)")
+            if self.max_angle_deg is not None and seen.beyond(self.max_angle_deg):
+                parts.append(f"calibrated to {self.max_angle_deg:.0f}° from the axis")
+        if self.axis is not None:
+            focal, (x, y) = self.axis
+            parts.append(f"focal length {sum(focal) / 2:.1f} px")
+            parts.append(f"principal point ({x:.1f}, {y:.1f})")
+        if math.isfinite(fit.held_out_rms_px):
+            parts.append(f"held-out error {fit.held_out_rms_px:.3f} px")
+        elif self.is_measured:
+            parts.append(f"error {fit.rms_px:.3f} px RMS")
+        if self.is_measured:
+            parts.append(self.verdict.words)
+        return ", ".join(parts)
 
 
 def field_seen(camera: CubicCamera) -> FieldSeen:

@@ -1,9 +1,7 @@
 """Codes, severities and remedies of findings."""
 
+from collections.abc import Mapping
 from enum import StrEnum
-from functools import cache
-from importlib import import_module
-from typing import Any
 
 
 class Severity(StrEnum):
@@ -30,9 +28,9 @@ class Remedy(StrEnum):
 
 
 class Code(StrEnum):
-    """The codes of findings."""
+    """The codes of the library's findings; others may bring their own, which are text too."""
 
-    UNKNOWN = "unknown"  # in a file that a newer version wrote
+    UNKNOWN = "unknown"  # of which a file has nothing but the sentence
     # About a set-up: why corners do not fit as they should.
     BOARD_ORDER = "board_order"
     BOARD_NAMES = "board_names"
@@ -130,7 +128,116 @@ class Code(StrEnum):
     FAILED = "failed"
 
 
-@cache
-def words(module: str = "catalogue") -> Any:
-    """Import a module of sentences, which stands above the core: the core has facts alone."""
-    return import_module(f"cubicfish_cli.words.{module}")
+_REMEDIES: Mapping[Remedy, tuple[str | tuple[str, str], ...]] = {
+    Remedy.CORRECT_TARGET: (
+        Code.BOARD_ORDER,
+        Code.BOARD_NAMES,
+        Code.BOARD_PLACE,
+        Code.BOARD_SQUARE,
+        Code.CORNER_NAMES,
+        Code.CORNER_COUNT,
+        (Code.MIRRORED, "none"),
+        (Code.MIRRORED, "colours"),
+        (Code.MIRRORED, "colours_in_mirror"),
+        Code.INVERTED,
+        Code.LARGE_ERRORS,
+        (Code.LOW_RANK, "point"),
+        Code.BENT,
+        Code.STRETCHED,
+        Code.MOVED,
+        Code.CORNERS_OFF,
+        Code.NO_MARKERS,
+        Code.FITS_NOWHERE,
+        Code.TOO_LARGE,
+        Code.OTHER_COLOURS,
+        Code.NO_PLANE,
+        Code.NOTHING_NAMED,
+        Code.ANOTHER_TARGET,
+    ),
+    Remedy.CORRECT_PHOTOS: (
+        Code.MIRRORED,
+        Code.SCALED,
+        Code.TURNED,
+        (Code.OTHER_SIZE, "turned"),
+        (Code.NO_PHOTO, "none_usable"),
+        (Code.NO_PHOTO, "several"),
+        Code.SHOT_MISMATCHED,
+    ),
+    Remedy.SEPARATE_PHOTOS: (
+        Code.TWO_LENSES,
+        Code.ZOOM,
+        Code.SHIFTED,
+        Code.PHOTO_LENS,
+        Code.OTHER_SIZE,
+        Code.CAMERA_MOVED,
+        Code.SHOT_APART,
+    ),
+    Remedy.TAKE_PHOTOS: (
+        Code.REPEATS,
+        Code.ONE_PLACE,
+        Code.FEW_CORNERS,
+        (Code.NOT_HELD_OUT, "few"),
+        Code.OVERFITTED,
+        Code.RADIAL_IS_NEARER,
+        Code.FEW_PHOTOS_OF_A_PLANE,
+        Code.WORSE_AT_THE_RIM,
+        Code.EXTRAPOLATED,
+        Code.LOW_COVERAGE,
+        Code.SMALL_FIELD,
+        Code.LOW_RANK,
+        Code.UNCERTAIN,
+        Code.NOT_CERTAIN,
+        Code.MIDDLE_UNSEEN,
+        Code.AMBIGUOUS,
+        Code.SLIDES,
+        Code.LOOKS_LIKE_ANOTHER,
+        Code.PLACE_UNCERTAIN,
+        Code.FEW_COMMON_SHOTS,
+    ),
+    Remedy.CALIBRATE_AGAIN: (
+        Code.NO_FIGURES,
+        Code.NOT_HELD_OUT,
+        Code.NO_POSES,
+        Code.WORSE_THAN_BEFORE,
+    ),
+    Remedy.CHECK: (
+        (Code.NO_FIGURES, "elsewhere"),
+        (Code.LARGE_ERRORS, "evaluation"),
+        (Code.LARGE_ERRORS, "photo"),
+    ),
+    Remedy.NOTHING: (
+        Code.NO_TARGET,
+        Code.NO_SIDE,
+        Code.NO_VIEW,
+        Code.BY_CONVENTION,
+        Code.CLOCKS_DIFFER,
+    ),
+    Remedy.TAKE_AGAIN: (
+        Code.MANY_UNFIT,
+        Code.TOO_FEW_CORNERS,
+        Code.NOISY,
+        Code.NO_ERROR,
+        Code.PHOTO_TOO_SMALL,
+        Code.TOO_DARK,
+        Code.TOO_BRIGHT,
+        Code.NO_PATTERN,
+        Code.LOW_CONTRAST,
+        Code.NO_CORNER,
+        Code.BLURRED,
+        Code.SQUARES_TOO_SMALL,
+        Code.NO_CHECKERBOARD,
+        Code.DOTS,
+    ),
+    Remedy.LEAVE_OUT: (
+        Code.CANNOT_BE_READ,
+        (Code.FITS_NOWHERE, "odd"),
+        (Code.NO_PLANE, "odd"),
+    ),
+    Remedy.HOLD_STILL: (Code.NOT_AT_ONCE,),
+}
+_REMEDY_OF = {what: remedy for remedy, own in _REMEDIES.items() for what in own}
+
+
+def remedy_of(code: str, case: str = "") -> Remedy:
+    """What helps against a finding of a code and a case of it; where none is known, to look."""
+    return _REMEDY_OF.get((code, case)) or _REMEDY_OF.get(code, Remedy.CHECK)

@@ -1,81 +1,35 @@
-"""Finding: the record of what detection, identification, fit, verdict or advice reports."""
+"""Finding: the record of what detection, identification, fit, verdict or advice reports.
+
+It has facts alone: a code and figures. Whoever shows it to people writes the sentences, and may
+attach them, so that files and JSON have them.
+"""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, TypeVar
 
-from cubicfish.judge.codes import Code, Remedy, Severity, words
+from cubicfish.judge.codes import Code, Remedy, Severity, remedy_of
 
 Level = Literal["good", "care", "bad"]
 
 
 _ABOUT = ("images", "boards", "cameras", "shots")
+_MOST_NAMED = 3
 
 
 class FindingText(NamedTuple):
-    """The sentences of a finding, and the kind of remedy."""
-
-    what: str
-    evidence: str
-    do: str
-    remedy: Remedy
-
-
-@dataclass(frozen=True, kw_only=True)
-class Finding:
-    """One thing that is reported about a set-up, a fit, a photo or a grid.
+    """The sentences of a finding.
 
     Attributes:
-        code: the kind of finding.
-        severity: ``bad`` where it makes the camera wrong, ``care`` where it may, ``note`` where it
-            does not.
-        images: names of the photos that it is about; empty for all.
-        boards: names of the boards that it is about; empty for all.
-        cameras: names of the cameras of a rig that it is about.
-        shots: names of the shots that it is about, or of photos that do not belong to their shot.
-        case: the form of the finding, where it has several; a key of the catalogue.
-        because: the kind of evidence, where there are several; a key of the catalogue.
-        figures: the numbers and names that its sentences need, plain data.
-        recorded: its sentences as an earlier run made them, if it was read from a file.
+        what: what is wrong, with figures.
+        evidence: the figures that show it; empty where ``what`` has them.
+        do: what to do about it; empty where there is nothing to do.
 
     """
 
-    code: Code
-    severity: Severity = Severity.NOTE
-    images: tuple[str, ...] = ()
-    boards: tuple[str, ...] = ()
-    cameras: tuple[str, ...] = ()
-    shots: tuple[str, ...] = ()
-    case: str = ""
-    because: str = ""
-    figures: Mapping[str, Any] = field(default_factory=dict)
-    recorded: FindingText | None = None
-
-    @property
-    def what(self) -> str:
-        """What is wrong, with figures."""
-        return self._sentences.what
-
-    @property
-    def evidence(self) -> str:
-        """The figures that show it; empty where ``what`` has them."""
-        return self._sentences.evidence
-
-    @property
-    def do(self) -> str:
-        """What to do about it; empty where there is nothing to do."""
-        return self._sentences.do
-
-    @property
-    def remedy(self) -> Remedy:
-        """The kind of remedy, for programs."""
-        return self._sentences.remedy
-
-    @property
-    def asks_for_photos(self) -> bool:
-        """Whether the remedy is to take photos, more or others."""
-        return self.remedy in (Remedy.TAKE_PHOTOS, Remedy.TAKE_AGAIN)
+    what: str
+    evidence: str = ""
+    do: str = ""
 
     @property
     def why(self) -> str:
@@ -87,44 +41,91 @@ class Finding:
         """The whole finding in one line."""
         return f"{self.why}; {self.do}" if self.do else self.why
 
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One thing that is reported about a set-up, a fit, a photo or a grid.
+
+    Attributes:
+        code: the kind of finding: one of :class:`Code`, or one of an extension's own.
+        severity: ``bad`` where it makes the camera wrong, ``care`` where it may, ``note`` where it
+            does not.
+        images: names of the photos that it is about; empty for all.
+        boards: names of the boards that it is about; empty for all.
+        cameras: names of the cameras of a rig that it is about.
+        shots: names of the shots that it is about, or of photos that do not belong to their shot.
+        case: the form of the finding, where it has several.
+        because: the kind of evidence, where there are several.
+        figures: the numbers and names behind it: plain data, or other findings.
+        help: what helps, where that is not what helps against findings of its code.
+        text: its sentences, where somebody has written them or they were read from a file.
+
+    """
+
+    code: str
+    severity: Severity = Severity.NOTE
+    images: tuple[str, ...] = ()
+    boards: tuple[str, ...] = ()
+    cameras: tuple[str, ...] = ()
+    shots: tuple[str, ...] = ()
+    case: str = ""
+    because: str = ""
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    help: Remedy | None = None
+    text: FindingText | None = None
+
     @property
-    def short(self) -> str:
-        """The finding in fewer words, where there is little room."""
-        known = words().has(self.code, "short")
-        return replace(self, case="short").what if known else self.line
+    def remedy(self) -> Remedy:
+        """The kind of remedy, for programs."""
+        return self.help or remedy_of(self.code, self.case)
+
+    @property
+    def asks_for_photos(self) -> bool:
+        """Whether the remedy is to take photos, more or others."""
+        return self.remedy in (Remedy.TAKE_PHOTOS, Remedy.TAKE_AGAIN)
 
     def __str__(self) -> str:
-        return self.line
+        """Its sentences in one line; without any, its code and figures."""
+        return self._facts() if self.text is None else self.text.line
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON and YAML; ``cause`` and ``level`` are older names."""
+        text = self.text or FindingText(self._facts())
         record: dict[str, Any] = {
-            "cause": self.code.value,
-            "code": self.code.value,
+            "cause": str(self.code),
+            "code": str(self.code),
             "case": self.case,
             "level": self.severity.value,
             "severity": self.severity.value,
             "remedy": self.remedy.value,
-            "what": self.what,
-            "evidence": self.evidence,
-            "do": self.do,
+            **text._asdict(),
             "images": list(self.images),
             "boards": list(self.boards),
-            "figures": dict(self.figures),
+            "figures": {
+                name: value.as_record() if isinstance(value, Finding) else value
+                for name, value in self.figures.items()
+            },
         }
         if self.cameras:
-            shots = {"shots": list(self.shots), "line": self.line}
+            shots = {"shots": list(self.shots), "line": text.line}
             record |= {"cameras": list(self.cameras), **shots}
         return record
 
-    @cached_property
-    def _sentences(self) -> FindingText:
-        if self.recorded is not None:
-            return self.recorded
-        about: dict[str, Any] = {"images": self.images, "boards": self.boards}
-        if self.cameras:
-            about |= {"cameras": self.cameras, "of_shots": self.shots}
-        return words().write_text(self.code, self.case, self.because, {**self.figures, **about})
+    def _facts(self) -> str:
+        about = ((name, _shorten(getattr(self, name))) for name in _ABOUT if getattr(self, name))
+        figures = ((name, _shorten(value)) for name, value in self.figures.items())
+        told = ", ".join(f"{name} {value}" for name, value in (*about, *figures))
+        kind = f"{self.code} ({self.case})" if self.case else str(self.code)
+        return f"{kind}: {told}" if told else kind
+
+
+def _shorten(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.3g}"
+    if isinstance(value, tuple | list):
+        more = f" and {len(value) - _MOST_NAMED} more" * (len(value) > _MOST_NAMED)
+        return "+".join(map(_shorten, value[:_MOST_NAMED])) + more
+    return str(value)
 
 
 def of_record(record: Mapping[str, Any]) -> Finding | None:
@@ -132,27 +133,30 @@ def of_record(record: Mapping[str, Any]) -> Finding | None:
     severity = _read_word(Severity, record.get("severity", record.get("level")))
     if severity is None:
         return None
-    what, evidence, do, case = (
-        str(record.get(key, "")) for key in (*FindingText._fields[:3], "case")
-    )
+    what, evidence, do, case = (str(record.get(key, "")) for key in (*FindingText._fields, "case"))
     about: dict[str, Any] = {key: _read_names(record.get(key)) for key in _ABOUT}
     figures = record.get("figures")
-    remedy = _read_word(Remedy, record.get("remedy")) or Remedy.CHECK
     return Finding(
-        code=_read_word(Code, record.get("code", record.get("cause"))) or Code.UNKNOWN,
+        code=str(record.get("code", record.get("cause", Code.UNKNOWN))),
         severity=severity,
         **about,
         case=case,
         figures=figures if isinstance(figures, Mapping) else {},
-        recorded=FindingText(what, evidence, do, remedy),
+        help=_read_word(Remedy, record.get("remedy")) or Remedy.CHECK,
+        text=FindingText(what, evidence, do),
     )
+
+
+def of_line(line: str) -> Finding:
+    """A finding of which a file has the sentence alone."""
+    return Finding(code=Code.UNKNOWN, text=FindingText(line))
 
 
 def _read_names(value: object) -> tuple[str, ...]:
     return tuple(map(str, value)) if isinstance(value, list) else ()
 
 
-_Word = TypeVar("_Word", Code, Severity, Remedy)
+_Word = TypeVar("_Word", Severity, Remedy)
 
 
 def _read_word(kind: type[_Word], word: object) -> _Word | None:

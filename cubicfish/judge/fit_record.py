@@ -4,6 +4,8 @@ Its fields are the keys of ``fit`` in camera.yaml, in their order. A figure that
 NaN, and an unknown count 0; the file then has null, or no key.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -12,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from cubicfish.files.fingerprint import Fingerprint
 from cubicfish.files.reading import MAX_COORDINATE
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.pupil import PupilEffect
@@ -194,8 +197,13 @@ class FitRecord(ErrorStatistics):
     uncertainty: UncertaintyGrid = field(default_factory=UncertaintyGrid, metadata=_RAY)
     dropped: int = 0
     dropped_corners: tuple[DroppedCorner, ...] = field(default=(), metadata=_RAY)
-    unfit_images: Mapping[str, str] = field(default_factory=dict)
+    unfit_images: Mapping[str, Finding] = field(default_factory=dict)
     per_image: tuple[PhotoRecord, ...] = ()
+
+    @classmethod
+    def of(cls, value: object) -> FitRecord:
+        """Read a record from plain data that may hold anything; what they lack is not known."""
+        return read_record(cls, value) or cls()
 
     @property
     def says_nothing(self) -> bool:
@@ -230,14 +238,6 @@ class FitRecord(ErrorStatistics):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FileRecord:
-    """An input file, as it was when it was read."""
-
-    file: str = ""
-    sha256: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Origin:
     """Where a calibration comes from, as ``made_by`` of its file says.
 
@@ -257,15 +257,10 @@ class Origin:
     date: str | None = None
     command: str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
-    target: FileRecord | None = None
-    inputs: tuple[FileRecord, ...] = ()
+    target: Fingerprint | None = None
+    inputs: tuple[Fingerprint, ...] = ()
 
-
-def origin_of(made_by: Mapping[str, Any]) -> Origin:
-    """Read the origin of a calibration from plain data, which may hold other things too."""
-    return read_record(Origin, made_by) or Origin()
-
-
-def fit_record(value: object) -> FitRecord:
-    """Read a fit's record from plain data that may hold anything; what they lack is not known."""
-    return read_record(FitRecord, value) or FitRecord()
+    @classmethod
+    def of(cls, made_by: Mapping[str, Any]) -> Origin:
+        """Read the origin of a calibration from plain data, which may hold other things too."""
+        return read_record(cls, made_by) or cls()

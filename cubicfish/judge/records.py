@@ -2,7 +2,7 @@
 
 The reader accepts data that may hold anything: a value of another type than its field's counts as
 not known, which is NaN for a figure and the field's default for anything else. The writer writes
-null for NaN.
+null for NaN. A finding is a mapping in a list, and its line by a name.
 """
 
 import math
@@ -12,7 +12,7 @@ from functools import cache, partial
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
-from cubicfish.judge.finding import Finding, of_record
+from cubicfish.judge.finding import Finding, of_line, of_record
 
 R = TypeVar("R")
 _Reader = Callable[[object], Any]
@@ -55,7 +55,10 @@ def plain_record(value: Any) -> Any:
     if isinstance(value, tuple):
         return [plain_record(one) for one in value]
     if isinstance(value, Mapping):
-        return {name: plain_record(one) for name, one in value.items()}
+        return {
+            name: str(one) if isinstance(one, Finding) else plain_record(one)
+            for name, one in value.items()
+        }
     if not is_dataclass(value):
         return value
     return {
@@ -88,7 +91,7 @@ def _make_reader(kind: Any) -> _Reader:
         own = _read_figure if inner[0] is float else _make_reader(inner[0])
         return partial(_read_all, own, None if inner[-1] is ... else len(inner))
     if origin is Mapping:
-        return partial(_read_mapping, _make_reader(inner[1]))
+        return partial(_read_mapping, _read_line if inner[1] is Finding else _make_reader(inner[1]))
     return _SIMPLE[kind] if kind in _SIMPLE else partial(read_record, kind)
 
 
@@ -117,6 +120,10 @@ def _read_count(value: object) -> int | None:
 
 def _read_text(value: object) -> str | None:
     return value if isinstance(value, str) else None
+
+
+def _read_line(value: object) -> Finding | None:
+    return of_line(value) if isinstance(value, str) else None
 
 
 _SIMPLE: dict[Any, _Reader] = {

@@ -7,21 +7,16 @@ smaller pixels, and limits grow in proportion.
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
 import numpy as np
 
-from cubicfish.judge.codes import Code, Severity, words
+from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding, Level, level_of
-from cubicfish.judge.fit_record import (
-    DroppedCorner,
-    ErrorStatistics,
-    FitRecord,
-    PhotoRecord,
-)
+from cubicfish.judge.fit_record import ErrorStatistics, FitRecord
 from cubicfish.judge.uncertainty import CERTAIN_PX, FieldUncertainty, of_size
 from cubicfish.types import FloatArray
 
@@ -59,8 +54,18 @@ _RIM_ERROR = ((2.5, _RIGHT_PX), (math.inf, math.inf))
 _EXTRAPOLATED_DEG = 15.0
 # Findings that do not explain errors.
 _NO_ERRORS = (Code.REPEATS, Code.ONE_PLACE)
+# The coverage of the rim is stated beside that of the whole if it is less than this.
+_WHOLE_RIM = 0.9
+_UNKNOWN = "no figures are known"
 _WORSE_PHOTO = 3.0
 _FEW_CORNERS_IN_PHOTO = 20
+
+
+LEVELS: Mapping[Level, str] = {
+    "good": "good",
+    "care": "usable with care",
+    "bad": "not to be trusted",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +74,7 @@ class Verdict:
 
     Attributes:
         level: the level of the worst reason; ``good`` without any.
-        figures: the figures that the verdict rests on, in words.
+        figures: the figures that the verdict rests on, in one line.
         reasons: the findings against the camera: known causes first, then the rest, the worst
             first.
 
@@ -82,21 +87,12 @@ class Verdict:
     @property
     def words(self) -> str:
         """``good``, ``usable with care`` or ``not to be trusted``."""
-        return str(words("camera").LEVELS[self.level])
+        return LEVELS[self.level]
 
-    @property
-    def line(self) -> str:
-        """The verdict in one line: the word, and the figures or the first reason."""
-        return str(words("camera").verdict_line(self))
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return {
-            "level": self.level,
-            "words": self.words,
-            "figures": self.figures,
-            "reasons": [{**reason.as_record(), "why": reason.why} for reason in self.reasons],
-        }
+    def __str__(self) -> str:
+        """The verdict in one line: the word, and the figures or the reasons."""
+        reasons = "; ".join(map(str, self.reasons))
+        return f"{self.words}: {reasons or self.figures}"
 
 
 def verdict(
@@ -117,8 +113,7 @@ def verdict(
     others = [one for one in blamed if one.code in _NO_ERRORS]
     others += _apply_rules(fit, image_size, outline, scale)
     reasons = (*sorted(causes, key=_is_mild), *sorted(others, key=_is_mild))
-    figures = words("camera").fit_figures(fit)
-    return Verdict(level=level_of(reasons), figures=figures, reasons=reasons)
+    return Verdict(level=level_of(reasons), figures=_state_fit(fit), reasons=reasons)
 
 
 def evaluation_verdict(
@@ -139,9 +134,10 @@ def evaluation_verdict(
     scale = of_size(image_size)
     rms, before = errors.rms_px, fit.held_out_rms_px
     before = before if before > 0 else fit.rms_px
-    stated = words("camera").evaluation_figures(errors, before)
     if math.isnan(rms):
-        return Verdict(level="bad", figures=stated, reasons=())
+        return Verdict(level="bad", figures=_UNKNOWN, reasons=())
+    beside = f", against {before:.3f} px when it was calibrated" if math.isfinite(before) else ""
+    stated = f"off by {rms:.3f} px on these photos{beside}"
     level = ratio_above(rms, before, _WORSE_THAN_BEFORE, scale)
     if level is None:
         level = _rate(rms / scale, _ERROR_PX)
@@ -161,14 +157,13 @@ def evaluation_verdict(
     return Verdict(level=level_of(reasons), figures=stated, reasons=tuple(reasons))
 
 
-def photo_verdicts(
-    photos: Sequence[PhotoRecord], dropped: Sequence[DroppedCorner], image_size: tuple[int, int]
-) -> list[tuple[Finding, ...]]:
+def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[tuple[Finding, ...]]:
     """The findings about each photo: its errors, by themselves and beside those of the others."""
+    photos = fit.per_image
     most = _ERROR_PX[1] * of_size(image_size)
     errors = [photo.rms_px for photo in photos]
     typical = median([error for error in errors if math.isfinite(error)] or [0.0])
-    lost = Counter(corner.image for corner in dropped)
+    lost = Counter(corner.image for corner in fit.dropped_corners)
     verdicts = []
     for photo, error in zip(photos, errors, strict=True):
         own, out = list[Finding](), lost[photo.image]
@@ -183,6 +178,24 @@ def photo_verdicts(
         own += _report(Severity.CARE if few else None, Code.FEW_CORNERS, "photo")
         verdicts.append(tuple(own))
     return verdicts
+
+
+def _state_fit(fit: FitRecord) -> str:
+    radial, rim, parts = fit.companion_held_out_rms_px, fit.reach.rim_coverage, []
+    if math.isfinite(fit.held_out_rms_px):
+        beside = f" (a radial lens: {radial:.3f})" if math.isfinite(radial) else ""
+        parts.append(f"off by {fit.held_out_rms_px:.3f} px{beside} on photos left out of the fit")
+    elif math.isfinite(fit.rms_px):
+        parts.append(f"off by {fit.rms_px:.3f} px on the photos that it was fitted to")
+    if math.isfinite(fit.coverage + fit.covered_deg):
+        beside = f" and {100 * rim:.0f} % of its rim" if rim < _WHOLE_RIM else ""
+        parts.append(
+            f"corners cover {100 * fit.coverage:.0f} % of the field{beside}, out to "
+            f"{fit.covered_deg:.0f}° from the axis"
+        )
+    if out := len(fit.unfit_images):
+        parts.append(f"{out:,} photo{'s' * (out != 1)} left out")
+    return ", ".join(parts) or _UNKNOWN
 
 
 def _is_mild(reason: Finding) -> bool:

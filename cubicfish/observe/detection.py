@@ -34,7 +34,7 @@ from cubicfish.find.identification.second_pass import (
     predicted_corners,
     with_added,
 )
-from cubicfish.judge.codes import Code, Severity, words
+from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
 from cubicfish.listener import Event, Listener
 from cubicfish.observe.photo_detection import (
@@ -254,7 +254,7 @@ def _name_corners(
     """
     size = _find_common_size(found)
     if size is None:
-        raise _make_error(_explain_nothing_read(found))
+        raise DetectionError(findings=[_explain_nothing_read(found)])
     showing = [_is_showing_boards(one) for one in found]
     found = [
         _refuse_other_size(one, photo.name, size) for one, photo in zip(found, photos, strict=True)
@@ -347,9 +347,9 @@ def _refuse(findings: Sequence[Finding], *, named: bool) -> None:
     """Refuse corners that would have the names of others; or none, where that is explained."""
     for finding in findings:
         if finding.severity is Severity.BAD and finding.code in _REFUSED:
-            raise _make_error(finding)
+            raise DetectionError(findings=[finding])
         if finding.severity is not Severity.NOTE and not named:
-            raise DetectionError(_NOT_NAMED, do=finding.line)
+            raise DetectionError(_NOT_NAMED, findings=[finding])
 
 
 def _is_showing_boards(detected: PhotoDetection) -> bool:
@@ -380,14 +380,10 @@ def _report_twice_in_view(marked: MarkedCorners, name: str, target: Target) -> t
     return tuple(twice(boards=(target.boards[one].name,)) for one in marked.contradictory)
 
 
-def _make_error(finding: Finding) -> DetectionError:
-    return DetectionError(finding.why, do=finding.do)
-
-
 def _explain_nothing_read(found: Sequence[PhotoDetection]) -> Finding:
     if not found:
         return Finding(code=Code.NO_PHOTO, severity=Severity.BAD)
-    first = next(one.refusal.line for one in found if one.refusal)
+    first = next(one.refusal for one in found if one.refusal)
     case = "none_usable" if len(found) == 1 else "several"
     figures = {"first": first, "more": len(found) - 1}
     return Finding(code=Code.NO_PHOTO, case=case, severity=Severity.BAD, figures=figures)
@@ -398,10 +394,6 @@ def _explain_no_checkerboard(found: Sequence[PhotoDetection]) -> DetectionError:
     refusals = [one.refusal for one in found if one.refusal]
     kinds = Counter((refusal.code, refusal.case) for refusal in refusals)
     most = max(refusals, key=lambda refusal: kinds[refusal.code, refusal.case])
-    cases = [f"{most.case}_all", "all"] if most.case else ["all"]
-    for case in cases:
-        if words().has(most.code, case):
-            figures = {**most.figures, "photos": len(found)}
-            return DetectionError(replace(most, case=case, figures=figures).line)
+    most = replace(most, figures={**most.figures, "photos": len(found)})
     photos = f"{len(found):,} photo{'s' * (len(found) != 1)}"
-    return DetectionError(f"{photos}, no checkerboard: {most.line}")
+    return DetectionError(f"{photos}, no checkerboard", findings=[most])

@@ -17,7 +17,7 @@ from cubicfish.fit.lenses import CubicFit
 from cubicfish.fit.model_selection import RefineTarget
 from cubicfish.fit.radial_reference import radial_near
 from cubicfish.io.camera_yaml import Calibrated
-from cubicfish.judge.finding import Finding, FindingText
+from cubicfish.judge.finding import Finding
 from cubicfish.judge.fit_record import FitRecord
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.rigs.rig import half_field_deg
@@ -160,7 +160,7 @@ def calibrate_alone(
     try:
         found = calibrate(seen, target=target, refine_target=refine_target, diagnose=find_faults)
     except FitError as error:
-        raise FitError(f"camera {name}: {error}") from error
+        raise error.amid(f"camera {name}: ") from error
     own = Alone(
         lens=FixedLens(camera=found.camera),
         pairs=found.pairs,
@@ -200,15 +200,12 @@ def place_alone(name: str, camera: CubicCamera, seen: Observations) -> Evaluatio
     try:
         return evaluate(camera, seen)
     except FitError as error:
-        raise FitError(f"camera {name}: {error}") from error
+        raise error.amid(f"camera {name}: ") from error
 
 
 def _report_camera(name: str, finding: Finding) -> Finding:
     """What is found of one camera alone, as a finding of several together."""
-    text = FindingText(
-        f"camera {name}: {finding.what}", finding.evidence, finding.do, finding.remedy
-    )
-    return replace(finding, case="", because="", recorded=text, cameras=(name,))
+    return replace(finding, cameras=(name,))
 
 
 def _fix_denominators(lens: CubicFit) -> CubicFit:

@@ -133,7 +133,7 @@ def _start(names: Sequence[str], views: JoinedViews, singly: Sequence[Alone]) ->
         return start_rig(names, views)
     except FitError as error:
         bad = [one for camera in singly for one in camera.findings if one.severity is Severity.BAD]
-        raise FitError(f"{error}; {bad[0].line}" if bad else str(error)) from error
+        raise FitError(error.what, do=error.do, findings=bad) from error
 
 
 def _fit_where_all_stand(problem: RigProblem, views: JoinedViews) -> RigEvidence:

@@ -257,7 +257,7 @@ def _report_off(
     cameras = tuple(names) if both else tuple(names[one] for one in whom)
     return Finding(
         code=code,
-        severity=Severity.BAD if code is Code.NOT_AT_ONCE else Severity.CARE,
+        severity=Severity.BAD if code == Code.NOT_AT_ONCE else Severity.CARE,
         case="either" if len(cameras) > 1 else "",
         cameras=cameras,
         shots=shots,

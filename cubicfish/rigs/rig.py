@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -28,12 +28,20 @@ from cubicfish.geometry import camera_centre
 from cubicfish.io.camera_keys import Keys
 from cubicfish.io.camera_yaml import Calibrated, camera_text, load_camera
 from cubicfish.judge.finding import Finding
-from cubicfish.judge.fit_record import NAN, ErrorStatistics, FitRecord, PoseRecord
+from cubicfish.judge.fit_record import (
+    NAN,
+    ErrorStatistics,
+    FitRecord,
+    Origin,
+    PoseRecord,
+)
 from cubicfish.judge.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
 from cubicfish.judge.verdict import Verdict
 from cubicfish.models.cubic import CubicCamera
+from cubicfish.models.sphere import cone_rays
 from cubicfish.target.target import Target
 from cubicfish.types import FloatArray
+from cubicfish.views.fields import sees
 from cubicfish.wording import did_you_mean, quoted
 
 KEY = "cubicfish_rig"
@@ -56,6 +64,7 @@ _CAMERA_KEYS = (
 )
 # What is written by hand may be rounded so much.
 _ROUNDED = 1e-3
+_OVERLAP_RAYS = 2000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,6 +191,12 @@ class RigCamera(Calibrated):
         rotation = self.rotation @ other.rotation.T
         return rotation, self.translation - rotation @ other.translation
 
+    def overlaps(self, other: RigCamera) -> bool:
+        """Whether another camera sees some of the far things that this one sees."""
+        rays = cone_rays(np.deg2rad(self.camera.max_angle_deg), _OVERLAP_RAYS)
+        own = rays[sees(self.camera, rays)]
+        return bool(sees(other.camera, own @ self.rotation @ other.rotation.T).any())
+
     def place_record(self) -> dict[str, Any]:
         """Plain data: what rig.yaml has of the camera."""
         return {
@@ -222,6 +237,7 @@ class Rig:
         fit: how well it fits.
         made_by: version, date, options and hashes, plain data.
         target: the target as fitted, of a rig that was fitted just now and changed it.
+        files: what it was read from, rig.yaml first; none of a rig that was fitted just now.
 
     """
 
@@ -231,6 +247,12 @@ class Rig:
     fit: RigFit = field(default_factory=RigFit)
     made_by: Mapping[str, Any] = field(default_factory=dict)
     target: Target | None = None
+    files: tuple[Path, ...] = ()
+
+    @property
+    def origin(self) -> Origin:
+        """Where the rig comes from, as far as ``made_by`` says it."""
+        return Origin.of(self.made_by)
 
     def camera(self, name: str) -> RigCamera:
         """The camera of a name.
@@ -262,6 +284,18 @@ class Rig:
             "fit": self.fit.as_record(),
         }
 
+    def texts(self) -> dict[str, str]:
+        """Its files, by where they are in the rig's folder: rig.yaml, cameras, refined target."""
+        origin = {"version": __version__, **self.made_by}
+        record = {KEY: FORMAT_VERSION, **self.as_record(), "made_by": origin}
+        texts = {"rig.yaml": plain_yaml_text(record)}
+        for one in self.cameras:
+            titled = {"title": one.name, **origin}
+            texts[one.path] = camera_text(one.camera, fit=one.fit, made_by=titled)
+        if self.target is not None:
+            texts[REFINED] = self.target.text()
+        return texts
+
 
 def refuse_name(name: object, what: str, error: type[CubicfishError]) -> None:
     """Refuse a name of a camera that cannot be that of a folder or a file.
@@ -283,11 +317,6 @@ def refuse_name(name: object, what: str, error: type[CubicfishError]) -> None:
         )
 
 
-def rig_text(record: Mapping[str, Any]) -> str:
-    """The text of a rig.yaml from its plain data, without the version."""
-    return plain_yaml_text({KEY: FORMAT_VERSION, **record})
-
-
 def save_rig(
     folder: str | os.PathLike[str],
     rig: Rig,
@@ -300,7 +329,7 @@ def save_rig(
     Args:
         folder: where.
         rig: the rig.
-        made_by: plain data on where it comes from; the version is added.
+        made_by: plain data on where it comes from, beside what is known; the version is added.
         overwrite: whether existing files may be replaced.
 
     Returns:
@@ -310,20 +339,12 @@ def save_rig(
         OutputError: a file exists and ``overwrite`` is false, or it cannot be written.
 
     """
-    place, origin = Path(folder), {"version": __version__, **(made_by or {})}
-    texts: dict[Path, Content] = {
-        place / "rig.yaml": rig_text({**rig.as_record(), "made_by": origin})
-    }
-    for one in rig.cameras:
-        texts[place / one.path] = camera_text(
-            one.camera, fit=one.fit, made_by={"title": one.name, **origin}
-        )
-    if rig.target is not None:
-        texts[place / REFINED] = rig.target.text()
+    place, rig = Path(folder), replace(rig, made_by={**rig.made_by, **(made_by or {})})
+    texts: dict[Path, Content] = {place / name: text for name, text in rig.texts().items()}
     return write_files(texts, overwrite=overwrite, folder=place)
 
 
-def rig_file(given: str | os.PathLike[str]) -> Path:
+def _find_rig_file(given: str | os.PathLike[str]) -> Path:
     """The file of a rig that is meant: a folder stands for the rig.yaml in it.
 
     Raises:
@@ -339,11 +360,6 @@ def rig_file(given: str | os.PathLike[str]) -> Path:
     return path
 
 
-def rig_files(file: Path, rig: Rig) -> list[Path]:
-    """The files that a rig was read from: rig.yaml, and the camera.yaml of each of its cameras."""
-    return [file, *(file.parent / one.path for one in rig.cameras)]
-
-
 def load_rig(given: str | os.PathLike[str]) -> Rig:
     """Read rig.yaml, or that of a folder, and the camera.yaml of each of its cameras.
 
@@ -352,7 +368,7 @@ def load_rig(given: str | os.PathLike[str]) -> Rig:
             things of one; one line that names the file and the key.
 
     """
-    path = rig_file(given)
+    path = _find_rig_file(given)
     record = load_plain_yaml(
         path,
         error=CameraFileError,
@@ -381,6 +397,7 @@ def load_rig(given: str | os.PathLike[str]) -> Rig:
         pairs=known.pairs,
         fit=known.fit,
         made_by=file.inner("made_by").data,
+        files=(path, *(path.parent / one.path for one in found)),
     )
 
 

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
-from cubicfish.errors import CorrespondenceError, FitError, UsageError
+from cubicfish.errors import CorrespondenceError, FitError
 from cubicfish.files.frame_names import FrameName
-from cubicfish.files.tables import read_table
-from cubicfish.wording import quoted, shown
+from cubicfish.files.tables import Table
+from cubicfish.wording import quoted
 
 TOLERANCE = 5e-3
 """How far apart photos of one time may be, seconds."""
@@ -73,7 +73,7 @@ def load_shots(path: Path) -> list[Row]:
 
     """
     names = ("shot", "camera", "image")
-    columns = read_table(path, required=names, optional=(), error=CorrespondenceError).columns
+    columns = Table.read(path, required=names, optional=(), error=CorrespondenceError).columns
     return list(zip(*(columns[name] for name in names), strict=True))
 
 
@@ -85,7 +85,7 @@ def load_times(path: Path, cameras: Sequence[str]) -> Times:
 
     """
     names = ("camera", "image", "seconds")
-    table = read_table(path, required=names, optional=(), error=CorrespondenceError)
+    table = Table.read(path, required=names, optional=(), error=CorrespondenceError)
     rows = zip(table.columns["camera"], table.columns["image"], strict=True)
     times: dict[str, dict[str, float]] = {}
     for (camera, image), time in zip(rows, table.floats("seconds").tolist(), strict=True):
@@ -96,37 +96,6 @@ def load_times(path: Path, cameras: Sequence[str]) -> Times:
             f"cameras {', '.join(cameras)}: write their names into its column camera"
         )
     return times
-
-
-def owners_of(paths: Sequence[Path], cameras: Sequence[str]) -> list[str]:
-    """The camera that each photo, folder or table is of.
-
-    They belong to the camera that their folder is called after, or their own name begins with;
-    where each is called after the camera whose turn it is, or after none, they are in the cameras'
-    order.
-
-    Raises:
-        UsageError: it is not known which camera one is of.
-
-    """
-    owners = [_find_owner(path.absolute(), cameras) for path in paths]
-    in_order = zip(owners, cameras, strict=False)
-    if len(paths) == len(cameras) and all(owner in ("", camera) for owner, camera in in_order):
-        return list(cameras)
-    for path, owner in zip(paths, owners, strict=True):
-        if not owner:
-            raise UsageError(
-                f"which camera is {shown(path)} of? Call its folder after one of "
-                f"{', '.join(cameras)}, or name one photo or folder of each, in that order"
-            )
-    return owners
-
-
-def _find_owner(path: Path, cameras: Sequence[str]) -> str:
-    """The camera that a photo, a folder or a table is called after; empty for none."""
-    called = path.name if path.is_dir() else path.parent.name
-    starts = [name for name in cameras if path.name.startswith(name)]
-    return called if called in cameras else max(starts, key=len, default="")
 
 
 def shots_by_name(photos: Mapping[str, Sequence[str]]) -> Shots:

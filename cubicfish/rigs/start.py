@@ -162,8 +162,9 @@ def start_rig(names: Sequence[str], joined: JoinedViews) -> RigStart:
         if error > _LOST_SHARE * size:
             raise FitError(
                 f"the shots of {names[a]} and {names[b]} do not fit one rig (they disagree by "
-                f"{min(error, size):.0f} px in the median): check that photos of one shot were "
-                "taken at the same moment and are matched rightly, and that no camera moved"
+                f"{min(error, size):.0f} px in the median)",
+                do="check that photos of one shot were taken at the same moment and are matched "
+                "rightly, and that no camera moved",
             )
         typical = max(typical, error)
     shots, misfit = place_shots(joined)
@@ -196,20 +197,20 @@ def _place_cameras(
     while len(found) < len(names):
         shared = [(common[a, b], -a, -b) for a, b in relative if a in found and b not in found]
         if not shared:
-            raise FitError(_explain_unconnected(names, found))
+            raise _explain_unconnected(names, found)
         _, a, b = max(shared)
         found[-b] = relative[-a, -b] @ found[-a]
         edges.append((-a, -b))
     return Poses.joined([found[camera] for camera in range(len(names))]), edges
 
 
-def _explain_unconnected(names: Sequence[str], found: dict[int, Poses]) -> str:
+def _explain_unconnected(names: Sequence[str], found: dict[int, Poses]) -> FitError:
     near = " and ".join(names[camera] for camera in sorted(found))
     far = [name for camera, name in enumerate(names) if camera not in found]
-    return (
-        f"no shot shows the target to {far[0]} and to {near} at once, so nothing connects them: "
-        f"take five or more shots in which {far[0]} and one of the others each see a board of "
-        "the target (not necessarily the same board), or check that shots are matched rightly"
+    return FitError(
+        f"no shot shows the target to {far[0]} and to {near} at once, so nothing connects them",
+        do=f"take five or more shots in which {far[0]} and one of the others each see a board of "
+        "the target (not necessarily the same board), or check that shots are matched rightly",
     )
 
 

@@ -20,7 +20,7 @@ def select(pairs: Observations, keep: BoolArray) -> tuple[Observations, IntArray
 
 def select_photos(pairs: Observations, photos: IntArray) -> Observations:
     """The pairs of the photos with these indices."""
-    return select(pairs, np.isin(pairs.image, photos))[0]
+    return pairs.of_photos(photos)
 
 
 def world_scale(pairs: Observations) -> float:

@@ -1,1 +1,8 @@
 """The names that this package offers: `lazy.py` reads them too."""
+
+from cubicfish.sufficiency.information_gain import InformationGain as InformationGain
+from cubicfish.sufficiency.knowledge import Knowledge as Knowledge
+from cubicfish.sufficiency.sufficiency import CoverageGaps as CoverageGaps
+from cubicfish.sufficiency.sufficiency import Goal as Goal
+from cubicfish.sufficiency.sufficiency import explain_insufficiency as explain_insufficiency
+from cubicfish.sufficiency.sufficiency import side_of as side_of

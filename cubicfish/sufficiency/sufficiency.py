@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish.angles import angle_from_axis, azimuth
-from cubicfish.fit.coverage import FieldCells, field_cells
+from cubicfish.fit.coverage import FieldCells
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.fit_record import FitRecord
@@ -83,7 +83,7 @@ class CoverageGaps:
             pairs: the corners that it was fitted to.
 
         """
-        cells = field_cells(camera, pairs.pixel)
+        cells = FieldCells.of(camera, pairs.pixel)
         row, column = np.nonzero(cells.field)
         rays = camera.unproject((np.stack([column, row], axis=-1) + 0.5) * cells.cell - 0.5)
         seen = np.isfinite(rays[:, 0])
@@ -159,9 +159,8 @@ def explain_insufficiency(
     """
     reasons = [one for one in judged.reasons if one.asks_for_photos]
     if judged.level == "bad" and judged.reasons[0] not in reasons:
-        first = judged.reasons[0]
-        texts = {"against": first.why, "mend": first.do}
-        reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=texts))
+        first = {"reason": judged.reasons[0]}
+        reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=first))
     if goal is not None and now is not None and now.p95_px > goal:
         figures = {"p95_px": now.p95_px, "goal_px": goal}
         reasons.append(Finding(code=Code.NOT_CERTAIN, severity=Severity.CARE, figures=figures))

@@ -216,6 +216,10 @@ class Observations(Brief):
         images = tuple(self.images[photo] for photo in photos)
         return replace(self, images=images, image=image.astype(np.intp)), photos.astype(np.intp)
 
+    def of_photos(self, photos: IntArray) -> Observations:
+        """The corners of some photos, each given by its index (M,) in ``images``; no others."""
+        return self.select(np.isin(self.image, photos)).only_seen()[0]
+
     def by_photo(self) -> Observations:
         """The rows sorted by photo, otherwise in their order; no copy where they are sorted."""
         if (np.diff(self.image) >= 0).all():

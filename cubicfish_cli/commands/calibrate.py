@@ -6,21 +6,29 @@ import math
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from cubicfish import CubicfishError, Event, Run, UsageError
-from cubicfish.files import Content, StrPath, write_files
-from cubicfish_cli.core_table import CALIBRATION_FILES, FRAMES
-from cubicfish_cli.extension_guard import Place, extensions
+from cubicfish import Event, Run, UsageError
+from cubicfish.files import Content, Fingerprint, StrPath
+from cubicfish_cli.core_table import FRAMES
 from cubicfish_cli.films import MOST
-from cubicfish_cli.inputs.paths import check_inputs, path_or_none, paths_of, tables_among
+from cubicfish_cli.inputs.paths import InputKind, check_inputs, kind_of_inputs, paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.render.pages import PAGE
+from cubicfish_cli.stages import (
+    camera_contents,
+    camera_files,
+    extension_outputs,
+    origin,
+    page,
+    photos_of,
+)
 from cubicfish_cli.terminal import figures, parameters
 from cubicfish_cli.terminal.parameters import (
     DEFAULT_MODEL,
@@ -39,11 +47,11 @@ from cubicfish_cli.terminal.terminal import (
     result,
 )
 from cubicfish_cli.words.phrases import counted, plural
+from cubicfish_cli.words.sentences import render, with_texts
 
 if TYPE_CHECKING:
-    from cubicfish import Calibration, CubicCamera, Observations, Target, Verdict
-    from cubicfish.fit.model_selection import RefineTarget
-    from cubicfish.fit.point_fit import PointCalibration
+    from cubicfish import Calibration, CubicCamera, Target, Verdict
+    from cubicfish.fit import PointCalibration, RefineTarget
     from cubicfish.judge import FitRecord
     from cubicfish_cli.observe import Inputs
 
@@ -120,7 +128,33 @@ class CalibrateOptions:
     )
     report: bool = parameters.report_option
 
+    @cached_property
+    def source(self) -> TargetSource:
+        """The target, or where it is."""
+        return TargetSource.of(self.target)
+
+    @cached_property
+    def paths(self) -> list[Path]:
+        """The inputs."""
+        if self.correspondences is None:
+            return paths_of(self.inputs)
+        return [Path(self.correspondences)]
+
+    @cached_property
+    def kind(self) -> InputKind:
+        """What the inputs are."""
+        return kind_of_inputs(self.paths) if self.correspondences is None else "points"
+
+    @property
+    def how(self) -> dict[str, Any]:
+        """The options of the fit, as the camera's file has them."""
+        if self.lift == "point":
+            return {"lift": self.lift}
+        return {"hold_out": self.hold_out, "refine_target": self.refine_target or "auto"}
+
     def __post_init__(self) -> None:
+        if self.correspondences is not None and paths_of(self.inputs):
+            raise UsageError("give photos (or corners.csv) or --correspondences, not both")
         title = self.title
         if title is not None and (
             not title.strip() or not title.isprintable() or len(title) > _LONGEST_TITLE
@@ -144,7 +178,7 @@ class CalibratedFiles:
     Attributes:
         fitted: the fit; a :class:`PointCalibration` where the lift was ``point``.
         inputs: what it was fitted to.
-        files: what was written, by its name in :data:`CALIBRATION_FILES`.
+        files: what was written, by what it holds, such as ``camera``.
         removed: files of an earlier calibration that were removed.
         advice: one line on what to photograph next; None for the lift ``point``.
 
@@ -158,13 +192,15 @@ class CalibratedFiles:
 
     def as_record(self) -> dict[str, Any]:
         """Return plain data: what ``cubicfish calibrate --json`` prints."""
+        from cubicfish_cli.words.camera import verdict_record
+
         return {
             **self.fitted.as_record(),
             **self.inputs.remarks(self.fitted.unfit.values()),
             **({} if self.advice is None else {"advice": self.advice}),
             "summary": self.fitted.line,
             "chosen": self.fitted.made_by.get("chosen"),
-            "verdict": self.fitted.verdict.as_record(),
+            "verdict": verdict_record(self.fitted.verdict),
             "report": self.files.get("report"),
             "files": self.files,
             "model": self.files["camera"],
@@ -182,118 +218,125 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = Run()) -> Calibrate
             can be fitted.
 
     """
-    paths, source = paths_of(options.inputs), TargetSource.of(options.target)
-    pairs, folder = path_or_none(options.correspondences), Path(options.folder)
-    is_of_pairs = check_inputs(
-        paths, source, run, correspondences=pairs, image_size=options.image_size
-    )
-    if is_of_pairs and options.refine_target is not None:
-        raise UsageError("--refine-target does not go with 2D-3D pairs, which have no target")
-    if options.most is not None and (pairs is not None or tables_among(paths)):
-        raise UsageError("--most goes with photos and films, not with CSV files")
-    run.date()  # an unusable date is an error before the work, not after
-    from cubicfish_cli.observe import load_inputs, recorded_as
+    plan, goals = _plan(options, run)
+    observed = _observe(options, run)
+    nominal = observed.nominal(options.source)
+    fitted, observed = _fit(observed, options, run)
+    made_by = _explain_origin(observed, nominal, goals, options, run)
+    fitted = replace(fitted, fit=with_texts(fitted.fit), made_by=made_by)
+    contents = _make_contents(fitted, observed, goals, nominal, run)
+    run.listener.progress("Writing")
+    written = plan.write({goals[kind]: content for kind, content in contents.items()})
     from cubicfish_cli.words.sufficiency import summary
 
-    plan = Plan(run).reads(paths, source, pairs)
-    more = {
-        kind: (name, made)
-        for name, one in extensions().items()
-        for kind, made in one.outputs.items()
-    }
-    names = {**CALIBRATION_FILES, **{kind: one.file for kind, (_, one) in more.items()}}
-    goals = {kind: folder / name for kind, name in names.items()}
-    # Corners that were read from this very file need not be written again.
-    with_corners = bool(paths) and not plan.is_read(goals["corners"])
-    kinds = {"corners": with_corners, "drawn": source.needs_file}
-    for kind, (_, one) in more.items():
-        kinds[kind] = options.report and not extra.missing(one.needs)
-    own = [kind for kind, wanted in kinds.items() if wanted]
-    may_refine = options.refine_target != "off" or not plan.is_read(goals["target"])
-    refined = ["target"] if may_refine else []
-    plan.writes(*(goals[kind] for kind in ("camera", "map", *refined, *own)))
-    photos, chosen = paths, None
-    kinds_of_inputs = [(name, one) for name, own in extensions().items() for one in own.inputs]
-    for name, others_kind in kinds_of_inputs:
-        others = Place(name, others_kind.among).attempt(photos)
-        if others:
-            make_photos = Place(name, others_kind.photos).load()
-            made, chosen = make_photos(others, folder / FRAMES, source, options.most, run)
-            photos = [*(path for path in photos if path not in others), *made]
-    loaded = load_inputs(
-        photos, source, run, correspondences=pairs, image_size=options.image_size, most=options.most
-    )
-    run.listener.found(loaded.photo_findings)
-    uncertain = set(loaded.pairs.image[~loaded.pairs.certain].tolist())
-    if options.refine_target in (None, "auto") and uncertain:
-        run.listener.tell(Event.NOT_CERTAIN, photos=len(uncertain))
-    run.listener.tell(Event.FITTING, corners=len(loaded.pairs.pixel))
-    nominal = loaded.nominal(source)
-    how: dict[str, Any] = {"hold_out": options.hold_out}
-    fitted: Calibration | PointCalibration
-    if options.lift == "point":
-        from cubicfish.fit.point_fit import calibrate_points
-
-        run.listener.progress("Fitting")
-        fitted, how = calibrate_points(loaded.pairs, **how), {"lift": options.lift}
-    else:
-        from cubicfish import calibrate
-
-        how["refine_target"] = options.refine_target or "auto"
-        fitted = calibrate(loaded.given, **how, listener=run.listener)
-        loaded = loaded.named_by(fitted)
-    named = {} if options.title is None else {"title": options.title}
-    made_by = {**named, **run.made_by(how, loaded.target_file, loaded.files)}
-    chosen = loaded.chosen or chosen
-    if chosen is not None:
-        made_by["chosen"] = chosen
-    if nominal is not None:
-        made_by["target"] = recorded_as(nominal, goals["drawn"])
-    fitted = replace(fitted, made_by=made_by)
-    contents = _make_contents(fitted, loaded.corners if with_corners else None, nominal)
-    if contents.get("map") is None and options.lift == "ray":
-        width, height = fitted.camera.image_size
-        run.listener.tell(Event.NO_MAP, width=width, height=height)
-    for kind, (name, one) in more.items():
-        if kinds[kind]:
-            contents[kind] = _make_output(Place(name, one.content), fitted, loaded, run)
-    run.listener.progress("Writing")
-    files = {kind: path for kind, path in goals.items() if contents.get(kind) is not None}
-    others = [goals[kind] for kind in (*_ITS_OWN, *more) if kind not in files]
-    obsolete = [path for path in others if path.is_file() and not plan.is_read(path)]
-    write_files(
-        {path: contents[kind] or "" for kind, path in files.items()},
-        overwrite=run.overwrite,
-        obsolete=obsolete if run.overwrite else (),
-    )
     return CalibratedFiles(
         fitted=fitted,
-        inputs=loaded,
-        files=files,
-        removed=[path for path in obsolete if not path.exists()],
+        inputs=observed,
+        files={kind: path for kind, path in goals.items() if path in written},
+        removed=plan.removed,
         advice=summary(fitted, fitted.pairs),
     )
 
 
+def _plan(options: CalibrateOptions, run: Run) -> tuple[Plan, dict[str, Path]]:
+    """Say what is read, and where each result goes that may be written, by its kind."""
+    kind, inputs = options.kind, options.paths
+    check_inputs(kind, inputs, options.source, run, image_size=options.image_size)
+    if kind == "points" and options.refine_target is not None:
+        raise UsageError("--refine-target does not go with 2D-3D pairs, which have no target")
+    if kind != "photos" and options.most is not None:
+        raise UsageError("--most goes with photos and films, not with CSV files")
+    run.date()  # an unusable date is an error before the work, not after
+    plan, folder = Plan(run).reads(inputs, options.source), Path(options.folder)
+    pages = extension_outputs()
+    goals = camera_files(folder) | {name: folder / one.file for name, (_, one) in pages.items()}
+    plan.leaves(*(goals[name] for name in (*_ITS_OWN, *pages)))
+    needless = {
+        # Corners that were read from this very file need not be written again.
+        "corners": kind == "points" or plan.is_read(goals["corners"]),
+        "drawn": not options.source.needs_file,
+        "target": options.refine_target == "off" and plan.is_read(goals["target"]),
+        **{
+            name: not options.report or extra.missing(one.needs) for name, (_, one) in pages.items()
+        },
+    }
+    goals = {name: path for name, path in goals.items() if not needless.get(name)}
+    plan.writes(*goals.values())
+    return plan, goals
+
+
+def _observe(options: CalibrateOptions, run: Run) -> Inputs:
+    """Find or read the corners, or the points."""
+    from cubicfish_cli.observe import load_inputs
+
+    source, most = options.source, options.most
+    frames = Path(options.folder) / FRAMES
+    photos, chosen = photos_of(options.paths, frames, source, most, run)
+    size = options.image_size
+    observed = load_inputs(options.kind, photos, source, run, image_size=size, most=most)
+    run.listener.found(observed.photo_findings)
+    return replace(observed, chosen=observed.chosen or chosen)
+
+
+def _fit(
+    observed: Inputs, options: CalibrateOptions, run: Run
+) -> tuple[Calibration | PointCalibration, Inputs]:
+    """Fit a camera, which may also tell the corners' names."""
+    uncertain = set(observed.pairs.image[~observed.pairs.certain].tolist())
+    if options.refine_target in (None, "auto") and uncertain:
+        run.listener.tell(Event.NOT_CERTAIN, photos=len(uncertain))
+    run.listener.tell(Event.FITTING, corners=len(observed.pairs.pixel))
+    if options.lift == "point":
+        from cubicfish.fit import calibrate_points
+
+        run.listener.progress("Fitting")
+        return calibrate_points(observed.pairs, hold_out=options.hold_out), observed
+    from cubicfish import calibrate
+
+    fitted = calibrate(observed.given, **options.how, listener=run.listener)
+    return fitted, observed.named_by(fitted)
+
+
+def _explain_origin(
+    observed: Inputs,
+    nominal: str | None,
+    goals: Mapping[str, Path],
+    options: CalibrateOptions,
+    run: Run,
+) -> dict[str, Any]:
+    """Say where a camera comes from, as its file does; ``nominal`` is a target without a file."""
+    drawn = None if nominal is None else Fingerprint.of_text(goals["drawn"], nominal)
+    return {
+        **({} if options.title is None else {"title": options.title}),
+        **origin([observed], options.how, run, drawn),
+        **({} if observed.chosen is None else {"chosen": observed.chosen}),
+    }
+
+
 def _make_contents(
     fitted: Calibration | PointCalibration,
-    corners: Observations | None,
+    observed: Inputs,
+    goals: Mapping[str, Path],
     nominal: str | None,
+    run: Run,
 ) -> dict[str, Content | None]:
-    """Return the contents of the files of a fit, but for the report, by :data:`CALIBRATION_FILES`.
-
-    ``map`` is None where it would take gigabytes.
-    """
+    """Return what the planned files hold, by their kind; None for those that are not to be."""
     from cubicfish import Calibration
-    from cubicfish.io.corners_csv import corners_text
 
-    contents: dict[str, Content | None] = {"drawn": nominal, "camera": fitted.text()}
-    if corners is not None:
-        contents["corners"] = corners_text(corners)
+    corners = observed.corners if "corners" in goals else None
+    contents: dict[str, Content | None] = dict(camera_contents(fitted.text(), corners))
+    if nominal is not None:
+        contents["drawn"] = nominal
     if isinstance(fitted, Calibration):
         contents["map"] = _make_map(fitted.camera)
+        if contents["map"] is None:
+            width, height = fitted.camera.image_size
+            run.listener.tell(Event.NO_MAP, width=width, height=height)
         if fitted.refined != "off" and fitted.target is not None:
             contents["target"] = fitted.target.text()
+    for name, (maker, _) in extension_outputs().items():
+        if name in goals:
+            contents[name] = page(maker, fitted, observed.pairs, observed.photos, run=run)
     return contents
 
 
@@ -305,23 +348,6 @@ def _make_map(camera: CubicCamera) -> Content | None:
     if math.prod(camera.image_size) > MAX_PIXELS:
         return None
     return MapInBands.of_camera(camera, build_view(camera)).write
-
-
-def _make_output(
-    maker: Place, fitted: Calibration | PointCalibration, loaded: Inputs, run: Run
-) -> Content | None:
-    """Return the content that an extension makes of a fit, such as a page.
-
-    A camera that was hard to get is not lost because a page about it cannot be made: then there
-    is no page, and the user is told.
-    """
-    run.listener.progress("Making the report")
-    try:
-        content: Content | None = maker.attempt(fitted, loaded.pairs, loaded.photos)
-    except CubicfishError as problem:
-        maker.warn_of(problem)
-        return None
-    return content
 
 
 @as_command(
@@ -375,7 +401,7 @@ def _report_findings(fit: FitRecord) -> None:
         place = f"{one.image} {one.board} column {one.column} row {one.row}"
         detail(f"dropped: {place}: {one.error_px:.1f} px off")
     for finding in fit.findings:
-        print_message(f"{figures.mark_of(finding)}: {finding.line}")
+        print_message(f"{figures.mark_of(finding)}: {render(finding).line}")
 
 
 def _print_calibration(made: CalibratedFiles) -> None:
@@ -389,9 +415,7 @@ def _print_calibration(made: CalibratedFiles) -> None:
     lost = dict.fromkeys(fitted.unfit, "left out")  # stderr has the reasons
     lost |= figures.why_lost(detection)
     by_board = figures.corners_by_board(fitted.pairs)
-    rows = figures.fitted_rows(
-        fit.per_image, fit.dropped_corners, fitted.camera.image_size, by_board, lost
-    )
+    rows = figures.fitted_rows(fit, fitted.camera.image_size, by_board, lost)
     everything = str(made.files["camera"])
     figures.print_photo_table(rows, fitted.pairs.boards, everything=everything, apart=True)
     result()
@@ -433,9 +457,9 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
     for figure in scope(fitted):
         figures.print_figure(*figure)
     if fit.pupil is not None:
-        figures.print_figure(
-            "entrance pupil", figures.px(abs(fit.pupil.rim_px)), meaning=pupil_meaning(fit.pupil)
-        )
+        pupil = fit.pupil
+        meaning = pupil_meaning(pupil.rim_px, pupil.distance, pupil.units)
+        figures.print_figure("entrance pupil", figures.px(abs(pupil.rim_px)), meaning=meaning)
     if fit.lift == "point":
         meaning = "P means something on the boards only; points off them are refused"
         if fit.rank == 20:
@@ -477,7 +501,7 @@ def print_next_steps(
     """
     lines = []
     if judged.level == "bad":
-        lines.append(judged.reasons[0].do)
+        lines.append(render(judged.reasons[0]).do)
         if judged.reasons[0].asks_for_photos:
             lines.append(f"cubicfish advise{_name_folder(camera)}")
     else:

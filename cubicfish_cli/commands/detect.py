@@ -17,6 +17,7 @@ from cubicfish_cli.terminal.parameters import as_command, option, record, target
 from cubicfish_cli.terminal.progress import How, report_found
 from cubicfish_cli.terminal.terminal import print_message, result
 from cubicfish_cli.words.phrases import plural
+from cubicfish_cli.words.sentences import record_of, render
 
 if TYPE_CHECKING:
     from cubicfish import Detection, Target
@@ -67,19 +68,23 @@ class DetectedFiles:
 
     def as_record(self) -> dict[str, Any]:
         """Return plain data: what ``cubicfish detect --json`` prints."""
-        keys = ("boards", "corners", "added", "exact", "problem", "notes")
+        from cubicfish_cli.words.remarks import problem_of
+
+        keys = ("boards", "corners", "added", "exact")
         corners = self.detection.corners
         return {
             "file": self.file,
             "image_size": corners.image_size,
             "images": len(corners.images),
             "corners": len(corners.pixel),
-            "findings": [finding.as_record() for finding in self.detection.findings],
+            "findings": [record_of(finding) for finding in self.detection.findings],
             "per_image": [
                 {
                     "image": photo.name,
                     **{key: getattr(photo, key) for key in keys},
-                    "findings": [finding.as_record() for finding in photo.findings],
+                    "problem": problem_of(photo),
+                    "notes": [render(one).line for one in photo.remarks],
+                    "findings": [record_of(finding) for finding in photo.findings],
                 }
                 for photo in self.detection.photos
             ],
@@ -100,7 +105,6 @@ def detect_files(options: DetectOptions, *, run: Run = Run()) -> DetectedFiles:
     source.check()
     from cubicfish import save_corners
     from cubicfish.observe import find_corners
-    from cubicfish.photos import read_grey
     from cubicfish_cli.render.drawings import drawings
     from cubicfish_cli.render.overlay import draw_found
     from cubicfish_cli.undistortion.images import write_picture
@@ -118,7 +122,7 @@ def detect_files(options: DetectOptions, *, run: Run = Run()) -> DetectedFiles:
     for done, (photo, report) in enumerate(zip(found, detection.photos, strict=True)):
         progress(done, len(found))
         if report.found is not None:
-            drawn = draw_found(read_grey(photo.path), report, detection.corners)
+            drawn = draw_found(photo.read_grey(), report, detection.corners)
             write_picture(pictures[photo.name], drawn, overwrite=run.overwrite)
             written.append(pictures[photo.name])
     return DetectedFiles(detection=detection, file=file, drawings=written)
@@ -140,7 +144,7 @@ def command(made: DetectedFiles, given: DetectOptions, how: How) -> None:
     detection, printed = made.detection, how.print(made)
     report_found([one for photo in detection.photos for one in photo.findings])
     for finding in detection.findings:
-        print_message(f"{figures.mark_of(finding)}: {finding.line}")
+        print_message(f"{figures.mark_of(finding)}: {render(finding).line}")
     if not printed:
         corners = detection.corners
         found = f"{plural(len(corners.pixel), 'corner')} in {plural(len(corners.images), 'photo')}"
@@ -159,8 +163,8 @@ def _list_rows(detection: Detection) -> list[figures.PhotoRow]:
             remarks.append("few corners")
         if not photo.exact:
             remarks.append("not sure which corners")
-        if not photo.lost and photo.notes:
-            remarks.append(f"{plural(len(photo.notes), 'remark')}")
+        if not photo.lost and photo.remarks:
+            remarks.append(f"{plural(len(photo.remarks), 'remark')}")
         rows.append(
             figures.PhotoRow(
                 name=photo.name,

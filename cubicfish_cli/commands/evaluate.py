@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run
 from cubicfish.files import StrPath
-from cubicfish_cli.inputs.paths import check_inputs, in_folder, paths_of
+from cubicfish_cli.inputs.paths import check_inputs, in_folder, kind_of_inputs, paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.terminal import figures, parameters
 from cubicfish_cli.terminal.parameters import as_command, record, target_options
 from cubicfish_cli.terminal.progress import How, report_found, report_left_out
 from cubicfish_cli.terminal.terminal import print_message, result
 from cubicfish_cli.words.phrases import plural
+from cubicfish_cli.words.sentences import render
 
 if TYPE_CHECKING:
     from cubicfish import CameraFile, CubicCamera, Evaluation, Target, Verdict
-    from cubicfish.judge import FitRecord
-    from cubicfish.judge.uncertainty import PixelUncertainty
+    from cubicfish.judge import FieldUncertainty, FitRecord
     from cubicfish_cli.observe import Inputs
 
 
@@ -63,14 +63,13 @@ class EvaluatedFiles:
     evaluation: Evaluation
     inputs: Inputs
     camera: CubicCamera
-    uncertainty: PixelUncertainty | None
+    uncertainty: FieldUncertainty | None
     verdict: Verdict
 
     def as_record(self) -> dict[str, Any]:
         """Return plain data: what ``cubicfish evaluate --json`` prints."""
-        from cubicfish.judge.records import plain_record
-
-        uncertainty = {"uncertainty": plain_record(self.uncertainty)}
+        sigma = self.uncertainty
+        uncertainty = {"uncertainty": None if sigma is None else sigma.as_record()}
         return {**self.evaluation.as_record(), **uncertainty, **self.inputs.remarks()}
 
 
@@ -83,25 +82,23 @@ def evaluate_files(options: EvaluateOptions, *, run: Run = Run()) -> EvaluatedFi
 
     """
     paths, source = paths_of(options.inputs), TargetSource.of(options.target)
-    check_inputs(paths, source, run, image_size=options.image_size)
-    from cubicfish import load_camera
-    from cubicfish.fit.evaluate import evaluate
-    from cubicfish.judge.verdict import evaluation_verdict
+    kind = kind_of_inputs(paths)
+    check_inputs(kind, paths, source, run, image_size=options.image_size)
+    from cubicfish import evaluate, load_camera
     from cubicfish_cli.observe import load_inputs
 
     file = load_camera(in_folder(Path(options.camera)))
     size = file.camera.image_size
-    loaded = load_inputs(paths, source, run, image_size=options.image_size or size)
+    loaded = load_inputs(kind, paths, source, run, image_size=options.image_size or size)
     run.listener.progress("Fitting poses")
     evaluation = evaluate(file.camera, loaded.pairs)
-    sigma = file.fit.uncertainty.over(evaluation.pairs.pixel)
     fit = _match_target(file, loaded, source)
     return EvaluatedFiles(
         evaluation=evaluation,
         inputs=loaded,
         camera=file.camera,
-        uncertainty=sigma,
-        verdict=evaluation_verdict(evaluation.errors, sigma, fit, size),
+        uncertainty=evaluation.uncertainty(fit),
+        verdict=evaluation.verdict(fit),
     )
 
 
@@ -110,12 +107,12 @@ def _match_target(file: CameraFile, loaded: Inputs, source: TargetSource) -> Fit
 
     If the target was refined, the nominal one leaves errors that are not the camera's.
     """
-    from cubicfish_cli.observe import recorded_as
+    from cubicfish.files import Fingerprint
 
     fit, given, nominal = file.fit, file.origin.target, loaded.nominal(source)
     digest = loaded.target_file and loaded.target_file.sha256
     if nominal is not None:
-        digest = recorded_as(nominal, Path())["sha256"]
+        digest = Fingerprint.of_text(Path(), nominal).sha256
     if given is None or digest != given.sha256 or fit.refine_target in (None, "off"):
         return fit
     # If that was not measured, errors are judged by themselves.
@@ -145,7 +142,7 @@ def command(made: EvaluatedFiles, given: EvaluateOptions, how: How) -> None:
     if made.inputs.detection is not None:
         report_found(made.inputs.photo_findings)
         for finding in made.inputs.detection.findings:
-            print_message(f"warning: {finding.line}")
+            print_message(f"warning: {render(finding).line}")
     report_unplaced(evaluation.unplaced)
     if not how.print(made):
         _print(made)
@@ -163,11 +160,13 @@ def report_unplaced(photos: Sequence[str], of: str = "") -> None:
 
 
 def _print(made: EvaluatedFiles) -> None:
+    from cubicfish.judge import FitRecord
+
     known, pairs = made.evaluation, made.inputs.pairs
     lost = dict.fromkeys(known.unplaced, "too few corners")
     lost |= figures.why_lost(made.inputs.detection)
     by_board = figures.corners_by_board(known.pairs)
-    rows = figures.fitted_rows(known.photos, (), pairs.image_size, by_board, lost)
+    rows = figures.fitted_rows(FitRecord(per_image=known.photos), pairs.image_size, by_board, lost)
     figures.print_photo_table(rows, pairs.boards)
     photos = plural(len(known.pairs.images), "photo")
     result(f"\n{photos}, {plural(known.errors.corners, 'corner')}\n")

@@ -18,7 +18,8 @@ from cubicfish_cli.terminal.terminal import result
 from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish.io.camera_yaml import CameraRecord
+    from cubicfish import CameraFile
+    from cubicfish.io import PointCameraFile
 
 
 @record
@@ -39,16 +40,17 @@ class CameraInfo:
     """
 
     model: Path
-    known: CameraRecord
+    known: CameraFile | PointCameraFile
 
     def as_record(self) -> dict[str, Any]:
         """Return plain data: what ``cubicfish info --json`` prints."""
-        from cubicfish.judge.records import plain_record
+        from cubicfish_cli.words.camera import verdict_record
 
         known = self.known
         fit, seen, origin = known.fit, known.field, known.origin
         focal, centre = known.axis or (None, None)
-        focal_sigma, centre_sigma = map(plain_record, known.axis_sigma)
+        focal_sigma, centre_sigma = (sigma and list(sigma) for sigma in known.axis_sigma)
+        recorded = fit.as_record()
         return {
             "model": self.model,
             "title": known.title or None,
@@ -58,10 +60,10 @@ class CameraInfo:
             "focal_sigma_px": focal_sigma,
             "principal_point_sigma_px": centre_sigma,
             "max_angle_deg": known.max_angle_deg,
-            "covered_deg": plain_record(fit.covered_deg),
-            "pupil": plain_record(fit.pupil),
-            "rms_px": plain_record(fit.rms_px),
-            "held_out_rms_px": plain_record(fit.held_out_rms_px),
+            "covered_deg": recorded.get("covered_deg"),
+            "pupil": recorded.get("pupil"),
+            "rms_px": recorded.get("rms_px"),
+            "held_out_rms_px": recorded.get("held_out_rms_px"),
             "images": fit.images or None,
             "corners": fit.corners or None,
             "date": origin.date,
@@ -72,7 +74,7 @@ class CameraInfo:
             "horizontal_deg": seen and seen.horizontal,
             "vertical_deg": seen and seen.vertical,
             "diagonal_deg": seen and seen.diagonal,
-            "verdict": known.verdict.as_record() if known.is_measured else None,
+            "verdict": verdict_record(known.verdict) if known.is_measured else None,
         }
 
 
@@ -115,7 +117,7 @@ def command(made: CameraInfo, given: InfoOptions, how: How) -> None:
         print_verdict(made.known.verdict)
 
 
-def _list_rows(known: CameraRecord) -> list[tuple[str, str]]:
+def _list_rows(known: CameraFile | PointCameraFile) -> list[tuple[str, str]]:
     """Return rows (name, words) of all known figures."""
     from cubicfish_cli.words.camera import lens_rows, pictures_of
 

@@ -73,13 +73,13 @@ def _record_failure(name: str, error: CubicfishError) -> dict[str, Any]:
     from cubicfish import Finding
     from cubicfish.judge import Severity
     from cubicfish.judge.codes import Code
-    from cubicfish_cli.words.catalogue import write_error
+    from cubicfish_cli.words.sentences import record_of, render_error
 
-    problem = write_error(error)
+    problem = render_error(error)
     failed = Finding(
         code=Code.FAILED, severity=Severity.BAD, images=(name,), figures={"problem": problem}
     )
-    return {**failed.as_record(), "image": name, "problem": problem}
+    return {**record_of(failed), "image": name, "problem": problem}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -106,7 +106,7 @@ def transform_camera(camera: CameraFile, *, crop: Crop | None, scale: float) -> 
     import numpy as np
 
     from cubicfish import CameraFile
-    from cubicfish.judge.fit_record import fit_record
+    from cubicfish.judge import FitRecord
 
     old = camera.camera
     left = crop or Crop(0, 0, *old.image_size)
@@ -137,7 +137,7 @@ def transform_camera(camera: CameraFile, *, crop: Crop | None, scale: float) -> 
         radial=replace(radial, image_size=size, fx=fx, fy=fy, cx=cx, cy=cy),
     )
     pixels = math.sqrt(float(factor.prod()))
-    fit = fit_record(_scale_record(camera.fit.as_record(), pixels))
+    fit = FitRecord.of(_scale_record(camera.fit.as_record(), pixels))
     grid = fit.uncertainty
     if grid.has_grid:
         across, down = (

@@ -28,8 +28,7 @@ from cubicfish_cli.undistortion.options import PlaneOptions
 from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish import CubicCamera, View
-    from cubicfish.io.camera_yaml import Calibrated
+    from cubicfish import Calibration, CameraFile, CubicCamera, View
     from cubicfish_cli.commands.pictures import UndistortedFiles
     from cubicfish_cli.undistortion.batch import Views
 
@@ -142,7 +141,7 @@ class UndistortOptions(PictureOptions):
         "The picture or video that is made of one; of several, or without a suffix, a folder.",
         metavar="OUT",
     )
-    camera: StrPath | Calibrated | CubicCamera = parameters.model_options
+    camera: StrPath | Calibration | CameraFile | CubicCamera = parameters.model_options
     view: View | ViewOptions | PlaneOptions | None = view_or_plane_options
     crf: int | None = option(
         "--crf 0-63",
@@ -170,7 +169,7 @@ def undistort_files(options: UndistortOptions, *, run: Run = Run()) -> Undistort
 
     """
     from cubicfish import CubicCamera
-    from cubicfish.io.camera_keys import read_camera
+    from cubicfish.io import read_camera
     from cubicfish_cli.commands.pictures import plan_pictures, write_pictures
     from cubicfish_cli.undistortion.batch import Views
 
@@ -267,11 +266,11 @@ def print_pictures(made: UndistortedFiles, how: How) -> None:
     number, failures = len(made.written) + len(made.failures), list(made.failures.items())
     if not how.print(made):
         if failures and number > 1:
-            from cubicfish_cli.words.catalogue import write_error
+            from cubicfish_cli.words.sentences import render_error
 
             for name, error in failures[:_FEW]:
                 shot = f"shot {name}: " if made.kind == "shot" else ""
-                print_always(f"failed: {shot}{write_error(error)}")
+                print_always(f"failed: {shot}{render_error(error)}")
         if len(failures) > _FEW:
             print_always(f"and {len(failures) - _FEW:,} more, which --json lists")
         if made.skipped:

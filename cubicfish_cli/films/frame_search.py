@@ -29,10 +29,11 @@ from cubicfish.judge import Severity
 from cubicfish.judge.codes import Code
 from cubicfish.observe import Glances, find_corners
 from cubicfish.photos import Photo
-from cubicfish.sufficiency.information_gain import InformationGain
+from cubicfish.sufficiency import InformationGain
 from cubicfish_cli.films.choose import FEWEST, Choice, Patch, Seen, choose
 from cubicfish_cli.films.measure import sharpness
 from cubicfish_cli.films.scan import still_px
+from cubicfish_cli.words.sentences import render_event
 
 # Where fewer of the pictures show the target, they do not tell which pictures are good.
 _FEW, _FEW_SHARE = 3, 0.5
@@ -89,7 +90,7 @@ class Found:
     def miscounted(self) -> Finding | None:
         """The finding that boards have other counts of corners than the target says; or None."""
         serious = (one for one in self.findings if one.severity is not Severity.NOTE)
-        return next((one for one in serious if one.code is Code.CORNER_COUNT), None)
+        return next((one for one in serious if one.code == Code.CORNER_COUNT), None)
 
 
 def _spread(numbers: Sequence[int], most: int) -> list[int]:
@@ -204,7 +205,7 @@ class Search:
             if self._is_well_seen(found):
                 return
         if found.miscounted is not None:
-            raise DetectionError(found.miscounted.why, do=found.miscounted.do)
+            raise DetectionError(findings=[found.miscounted])
 
     def _are_empty(self, numbers: Sequence[int], most: int) -> bool:
         """Return whether hardly any of a few among these pictures, from all over, shows the target.
@@ -319,7 +320,8 @@ def choose_photos(
 
 def why_ended(choice: Choice, what: str) -> str:
     """Return why no more pictures were chosen, in a sentence; ``what`` they are."""
-    return Event(f"chosen_{choice.ended}").line(chosen=len(choice.order), what=what)
+    figures = {"chosen": len(choice.order), "what": what}
+    return render_event(Event(f"chosen_{choice.ended}"), figures)
 
 
 def _measure_photo(photo: Photo) -> tuple[tuple[int, int], float] | None:

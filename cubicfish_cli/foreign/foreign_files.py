@@ -13,6 +13,8 @@ OWN_FIELD = "the camera is trusted to"
 """What stands in our own files before the half-angle of the field, degrees."""
 
 _SNIFFED_BYTES = 64_000_000
+_LARGEST_DEG = 175.0  # no camera is trusted farther
+_LARGEST_DEG = 175.0  # no camera is trusted farther
 
 
 def read_foreign(
@@ -65,7 +67,7 @@ def own_field_deg(path: Path) -> float | None:
     data = read_bytes(path, max_bytes=_SNIFFED_BYTES, error=CameraFileError)
     found = re.search(rb"%s ([0-9.]{1,9}) degrees" % OWN_FIELD.encode(), data)
     degrees = float(found[1]) if found and found[1].count(b".") < 2 else 0.0
-    return degrees if 0 < degrees < 180 else None
+    return degrees if 0 < degrees <= _LARGEST_DEG else None
 
 
 def sniffed(path: Path) -> str:

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from cubicfish import (
-    BoolArray,
     Calibration,
+    CameraFile,
     CubicCamera,
     CubicfishError,
     FloatArray,
@@ -27,15 +28,12 @@ from cubicfish import (
     quoted,
 )
 from cubicfish.files import Fingerprint
-from cubicfish.fit.coverage import FieldCells, field_cells
-from cubicfish.io.camera_yaml import CameraRecord
-from cubicfish.io.corners_csv import load_correspondences
-from cubicfish.judge import FitRecord, PhotoRecord
-from cubicfish.judge.fit_record import FileRecord, Origin
-from cubicfish.judge.verdict import photo_verdicts
+from cubicfish.fit import FieldCells
+from cubicfish.io import PointCameraFile, load_correspondences
+from cubicfish.judge import FitRecord, Origin, PhotoRecord, photo_verdicts
 from cubicfish.models import angle_from_axis
 from cubicfish.photos import find_photos
-from cubicfish.solve.statistics import rms_px
+from cubicfish.solve import rms_px
 from cubicfish.target.placement import best_named
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.viewpoints.truth import camera_points
@@ -43,7 +41,9 @@ from cubicfish_cli.words.camera import photo_words
 from cubicfish_cli.words.sufficiency import summary
 
 if TYPE_CHECKING:
-    from cubicfish.fit.point_fit import PointCalibration
+    from cubicfish.fit import PointCalibration
+
+    Known = Calibration | CameraFile | PointCalibration | PointCameraFile
     from cubicfish.models import PointCamera
 
 REFINED = ("shape", "points")
@@ -105,7 +105,7 @@ class Facts:
 
     """
 
-    known: CameraRecord
+    known: Known
     verdict_words: Mapping[str, str]
     dropped_pixels: tuple[tuple[str, FloatArray], ...]
     errors: ErrorFacts | None
@@ -145,7 +145,7 @@ class Facts:
 
 
 def gather(
-    known: CameraRecord,
+    known: Known,
     *,
     pairs: Observations | None,
     target: Target | None,
@@ -170,7 +170,7 @@ def gather(
 
     """
     camera, fit = known.camera, known.fit
-    judged = photo_verdicts(fit.per_image, fit.dropped_corners, camera.image_size)
+    judged = photo_verdicts(fit, camera.image_size)
     verdict_words = zip(fit.per_image, judged, strict=True)
     lines = [*absent]
     errors = None
@@ -255,11 +255,11 @@ def _measure_errors(
         )
     is_ray = isinstance(camera, CubicCamera)
     angle = np.rad2deg(angle_from_axis(points)) if is_ray else None
-    cells = field_cells(camera, used.pixel)
+    cells = FieldCells.of(camera, used.pixel)
     return ErrorFacts(pairs=used, residual=residual, angle_deg=angle, cells=cells), None
 
 
-def _find_dropped(pairs: Observations, fit: FitRecord) -> BoolArray:
+def _find_dropped(pairs: Observations, fit: FitRecord) -> npt.NDArray[np.bool_]:
     """Which pairs are corners that the fit dropped."""
     if not fit.dropped_corners:
         return np.zeros(len(pairs.pixel), bool)
@@ -399,7 +399,7 @@ def _find_beside(folder: Path, name: str) -> Path | None:
     return path if path.is_file() else None
 
 
-def _find_recorded(record: FileRecord | None, folder: Path) -> Path | None:
+def _find_recorded(record: Fingerprint | None, folder: Path) -> Path | None:
     """The file that a record names, if it is there and still the same."""
     if record is None:
         return None

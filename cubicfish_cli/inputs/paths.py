@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from glob import has_magic
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from cubicfish import CameraFileError, CubicfishError, Listener, UsageError, quoted
 from cubicfish.files import StrPath
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from cubicfish_cli.inputs.target_source import TargetSource
 
 RECORDING_SUFFIXES = (".bag", ".mcap", ".db3")
+InputKind = Literal["photos", "corners", "points"]
 _WITH_TOPIC = re.compile(r"(?P<file>.+?):(?P<topic>/.*)")
 
 
@@ -68,52 +69,57 @@ def file_and_topic(path: Path) -> tuple[Path, str | None]:
     return Path(found["file"]), found["topic"]
 
 
+def kind_of_inputs(inputs: Sequence[Path]) -> InputKind:
+    """What a caller names: photos (or films), a table of named corners, or one of points.
+
+    Raises:
+        UsageError: nothing is named, or a table beside something else.
+
+    """
+    if not inputs:
+        raise UsageError("name photos, a folder of photos, or a corners.csv")
+    tables = tables_among(inputs)
+    if not tables:
+        return "photos"
+    if len(inputs) > 1:
+        raise UsageError(f"{quoted(str(tables[0]))} must be the only input, as all CSV files")
+    return "points" if holds_world_points(tables[0]) else "corners"
+
+
 def check_inputs(
+    kind: InputKind,
     inputs: Sequence[Path],
     target: TargetSource,
     run: Run,
     *,
-    correspondences: Path | None = None,
     image_size: tuple[int, int] | None = None,
-) -> bool:
+) -> None:
     """Refuse at once, before anything is loaded or done, what cannot be read or says nothing here.
 
-    Returns:
-        Whether they are 2D-3D pairs, which have no target.
-
     Raises:
-        UsageError: the inputs do not go together, or an option would have no effect.
-        CubicfishError: one is not there.
+        UsageError: an option would have no effect.
+        CubicfishError: an input is not there.
 
     """
-    if correspondences is not None and inputs:
-        raise UsageError("give photos (or corners.csv) or --correspondences, not both")
-    if correspondences is None and not inputs:
-        raise UsageError("name photos, a folder of photos, or a corners.csv")
-    tables = tables_among(inputs)
-    if tables and len(inputs) > 1:
-        raise UsageError(f"{quoted(str(tables[0]))} must be the only input, as all CSV files")
-    for path in inputs if correspondences is None else [correspondences]:
-        file, _ = file_and_topic(path)
+    for file, _ in map(file_and_topic, inputs):
         if not os.path.lexists(file) and not has_magic(str(file)):
             raise CubicfishError.missing(file)
-    pairs = correspondences is not None or any(map(holds_world_points, tables))
-    if not pairs:
+    if kind != "points":
         target.check()
     elif target.is_known and not target.by_default:
         raise UsageError(
             "--target, --board and --square say what photos show, and 2D-3D pairs know their "
             "points: leave it out"
         )
-    if pairs or tables:
-        for name, given in (("--jobs", run.jobs is not None), ("--no-cache", run.anew)):
-            if given:
-                raise UsageError(
-                    f"{name} goes with photos and films, which are searched, not with CSV files"
-                )
-    elif image_size is not None:
-        raise UsageError("--size is of CSV files: photos have their own size")
-    return pairs
+    if kind == "photos":
+        if image_size is not None:
+            raise UsageError("--size is of CSV files: photos have their own size")
+        return
+    for name, given in (("--jobs", run.jobs is not None), ("--no-cache", run.anew)):
+        if given:
+            raise UsageError(
+                f"{name} goes with photos and films, which are searched, not with CSV files"
+            )
 
 
 def tables_among(inputs: Sequence[Path]) -> list[Path]:

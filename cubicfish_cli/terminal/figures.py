@@ -30,9 +30,7 @@ from cubicfish_cli.terminal.terminal import (
 if TYPE_CHECKING:
     from cubicfish import Detection, Finding, Observations, Verdict
     from cubicfish.find import PhotoReport
-    from cubicfish.judge import PhotoRecord
-    from cubicfish.judge.finding import Level
-    from cubicfish.judge.fit_record import DroppedCorner, ErrorStatistics
+    from cubicfish.judge import ErrorStatistics, FitRecord, Level, PhotoRecord
     from cubicfish_cli.render.pages.report_files import ReportFiles
     from cubicfish_cli.terminal.progress import How
 
@@ -70,8 +68,11 @@ def print_spread(errors: ErrorStatistics) -> None:
 
 def print_verdict(judged: Verdict) -> None:
     """Print the verdict in a line, and what else is against the camera in a line each."""
-    result(f"verdict: {judged.line}", mark=(judged.words, judged.level))
-    for reason in judged.reasons[1:]:
+    from cubicfish_cli.words.camera import verdict_line
+    from cubicfish_cli.words.sentences import render
+
+    result(f"verdict: {verdict_line(judged)}", mark=(judged.words, judged.level))
+    for reason in map(render, judged.reasons[1:]):
         result(f"  also: {reason.why}; {reason.do}")
 
 
@@ -156,7 +157,7 @@ def lost_word(photo: PhotoReport) -> str:
 
     why = photo.refusal.code if photo.refusal is not None else None
     if why in (Code.OTHER_SIZE, Code.CANNOT_BE_READ):
-        return "another size" if why is Code.OTHER_SIZE else "cannot be read"
+        return "another size" if why == Code.OTHER_SIZE else "cannot be read"
     return "left out" if why is None else "nothing found"
 
 
@@ -167,8 +168,7 @@ def why_lost(detection: Detection | None) -> dict[str, str]:
 
 
 def fitted_rows(
-    photos: Sequence[PhotoRecord],
-    dropped: Sequence[DroppedCorner],
+    fit: FitRecord,
     image_size: tuple[int, int],
     by_board: ByBoard,
     lost: Mapping[str, str],
@@ -176,30 +176,29 @@ def fitted_rows(
     """Rows of photos with reprojection errors, and of those that take no part.
 
     Args:
-        photos: that were placed.
-        dropped: corners that were left out.
+        fit: the record of the photos that were placed, and of corners that were left out.
         image_size: (width, height), pixels.
         by_board: corners used, by photo and board.
         lost: photos that take no part, and a word for why.
 
     """
-    from cubicfish.judge.finding import level_of
-    from cubicfish.judge.verdict import photo_verdicts
+    from cubicfish.judge import level_of, photo_verdicts
     from cubicfish_cli.words.camera import photo_words
+    from cubicfish_cli.words.sentences import render_short
 
-    out = Counter(corner.image for corner in dropped)
+    out = Counter(corner.image for corner in fit.dropped_corners)
     rows = [
         PhotoRow(
             name=one.image,
             words=photo_words(findings),
-            short="; ".join(one.short for one in findings),
+            short="; ".join(render_short(one) for one in findings),
             level=level_of(findings),
             boards=by_board.get(one.image, {}),
             corners=one.corners,
             dropped=out[one.image],
             errors=one,
         )
-        for one, findings in zip(photos, photo_verdicts(photos, dropped, image_size), strict=True)
+        for one, findings in zip(fit.per_image, photo_verdicts(fit, image_size), strict=True)
     ]
     known = {row.name for row in rows}
     rows += [

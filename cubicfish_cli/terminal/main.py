@@ -161,9 +161,9 @@ def _end_by_signal() -> NoReturn:
 def _explain(error: Exception) -> str | None:
     """Why the work could not be done, in one line; None where it is no user's doing."""
     if isinstance(error, CubicfishError):
-        from cubicfish_cli.words.catalogue import write_error
+        from cubicfish_cli.words.sentences import render_error
 
-        return write_error(error)
+        return render_error(error)
     if isinstance(error, MemoryError):
         return "not enough memory: use smaller photos or views, or fewer --jobs"
     if isinstance(error, OSError):

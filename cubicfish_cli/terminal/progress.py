@@ -68,7 +68,9 @@ class _Shown(Listener):
 
     def tell(self, event: Event, **figures: Any) -> None:
         self.interrupt()
-        print_message(event.line(**figures))
+        from cubicfish_cli.words.sentences import render_event
+
+        print_message(render_event(event, figures))
 
     def found(self, findings: Sequence[Finding]) -> None:
         self.interrupt()
@@ -151,7 +153,7 @@ def report_found(findings: Sequence[Finding], mark: str = "") -> None:
         mark: how each line begins.
 
     """
-    from cubicfish.find.identification.identified import line_of, remark_lines
+    from cubicfish_cli.words.remarks import line_of, remark_lines
 
     for line in map(line_of, findings) if verbosity() > 0 else remark_lines(findings):
         print_message(mark + line)
@@ -173,7 +175,7 @@ class _Cluster:
 
     def each(self, work: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[tuple[int, Any]]:
         if self._there is None:
-            from cubicfish.workers.cluster import connect
+            from cubicfish.workers import connect
 
             self._listener.interrupt()
             self._there = there = self._stack.enter_context(connect(self._address))

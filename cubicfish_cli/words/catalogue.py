@@ -7,15 +7,11 @@ from pathlib import Path
 from string import Template
 from typing import Any, NamedTuple
 
-from cubicfish import CubicfishError, Event, listed
-from cubicfish.judge.codes import Code, Remedy
 from cubicfish.judge.finding import FindingText
 from cubicfish_cli.extension_guard import extensions
-from cubicfish_cli.words.phrases import Sentences
 
 _FILE = Path(__file__).with_name("catalogue.toml")
 _TEXTS = ("what", "evidence", "do")
-_SENTENCES = Sentences()
 
 
 class Catalogue(NamedTuple):
@@ -60,7 +56,7 @@ def catalogue() -> Catalogue:
 
     def saying(record: Mapping[str, Any]) -> FindingText:
         what, evidence, do = (whole(record.get(key, "")) for key in _TEXTS)
-        return FindingText(what, evidence, do, Remedy(record["remedy"]))
+        return FindingText(what, evidence, do)
 
     finding_texts: dict[tuple[str, str], FindingText] = {}
     for code, own in data["say"].items():
@@ -77,41 +73,3 @@ def catalogue() -> Catalogue:
     return Catalogue(
         finding_texts, data["because"], phrases, data["events"], checks, data["options"]
     )
-
-
-def has(code: Code, case: str) -> bool:
-    """Return whether a finding has sentences of this form."""
-    return (code.value, case) in catalogue().finding_texts
-
-
-def write_text(code: Code, case: str, because: str, figures: Mapping[str, Any]) -> FindingText:
-    """Return the sentences of a finding, with its figures in them."""
-    known = catalogue()
-    saying = known.finding_texts[code, case]
-    values = dict(figures)
-    for name in known.phrases.keys() & figures.keys():
-        values[name] = _write_part(name, values[name], values)
-    evidence = known.because[because] if because else saying.evidence
-    texts = (_SENTENCES.vformat(text, (), values) for text in (saying.what, evidence, saying.do))
-    # The lone board of --board is named so.
-    what, evidence, do = (text.replace("board board", "the board") for text in texts)
-    return FindingText(what, evidence, do, saying.remedy)
-
-
-def write_event(event: Event, figures: Mapping[str, Any]) -> str:
-    """Return the sentence for an event while work is done."""
-    return _SENTENCES.vformat(catalogue().events[event], (), figures)
-
-
-def write_error(error: CubicfishError) -> str:
-    """Say an error at a command line, with its options in the place of arguments."""
-    return error.text(catalogue().options) if error.arguments else str(error)
-
-
-def _write_part(name: str, value: Any, values: Mapping[str, Any]) -> str:
-    """Return the part of a sentence for a figure: one phrase, or a list of records' phrases."""
-    phrases = catalogue().phrases[name]
-    if isinstance(value, str):
-        return _SENTENCES.vformat(phrases[value], (), values)
-    written = [_SENTENCES.vformat(phrases[one["form"]], (), one) for one in value]
-    return listed(written, name)

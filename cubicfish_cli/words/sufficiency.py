@@ -1,22 +1,28 @@
 """Whether photos are enough, and which parts of the picture they leave empty, in words."""
 
 from cubicfish import CubicCamera, Observations
-from cubicfish.judge.camera_facts import CameraFacts
+from cubicfish.judge import CameraFacts
 from cubicfish.judge.codes import Code
-from cubicfish.sufficiency.sufficiency import CoverageGaps, Part, explain_insufficiency
+from cubicfish.sufficiency import CoverageGaps, explain_insufficiency
+from cubicfish_cli.words.sentences import render
 
 _PARTS = 2
 
 
-def part_words(part: Part) -> str:
-    """Return ``upper left, 60–80° from the axis``."""
-    angles = f"{part.from_deg:.0f}–{part.to_deg:.0f}° from the axis"
-    if not part.sides:
-        return f"the middle, up to {part.to_deg:.0f}° from the axis"
-    if len(part.sides) == 8:
-        return f"all around, {angles}"
-    *others, last = part.sides
-    return f"{' and '.join(filter(None, [', '.join(others), last]))}, {angles}"
+def gap_words(gaps: CoverageGaps) -> list[str]:
+    """Return ``upper left, 60–80° from the axis`` for each part of the field without corners."""
+    words = []
+    for part in gaps.parts:
+        where = "all around"
+        if 0 < len(part.sides) < 8:
+            *others, last = part.sides
+            where = " and ".join(filter(None, [", ".join(others), last]))
+        words.append(
+            f"{where}, {part.from_deg:.0f}–{part.to_deg:.0f}° from the axis"
+            if part.sides
+            else f"the middle, up to {part.to_deg:.0f}° from the axis"
+        )
+    return words
 
 
 def summary(known: CameraFacts, pairs: Observations) -> str | None:
@@ -38,8 +44,9 @@ def summary(known: CameraFacts, pairs: Observations) -> str | None:
         certain = f", and 95 % of it is certain to {now.p95_px:.3f} px" if now else ""
         covered = f"corners cover {100 * gaps.cells.coverage:.0f} % of the field"
         return f"enough photos: {covered}{certain}"
-    if reasons[0].code is Code.NOT_TRUSTED:
-        return f"heed the verdict first: {reasons[0].figures['mend']}"
-    where = "; ".join(map(part_words, gaps.parts[:_PARTS]))
-    next_ones = f"show the target next at: {where}" if where else f"more photos: {reasons[0].what}"
+    if reasons[0].code == Code.NOT_TRUSTED:
+        return f"heed the verdict first: {render(reasons[0].figures['reason']).do}"
+    what = render(reasons[0]).what
+    where = "; ".join(gap_words(gaps)[:_PARTS])
+    next_ones = f"show the target next at: {where}" if where else f"more photos: {what}"
     return f"{next_ones} ('cubicfish advise' says from where)"

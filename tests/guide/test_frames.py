@@ -10,6 +10,7 @@ pytest.importorskip("av")
 
 from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film
 from listening import Heard
+from told import raises_told
 
 from cubicfish import DetectionError, Finding, Observations, PhotoError, Run, Target, read_picture
 from cubicfish.find.detection.grids import FoundGrids, Grid
@@ -200,7 +201,7 @@ def test_counts_of_corners_that_few_pictures_show_end_the_search(monkeypatch) ->
         figures={"columns": 1, "rows": 2, "drawn_columns": 3, "drawn_rows": 4, "photos": 9},
     )
     few = shows([at < 2 for at in range(10)], (counts,))
-    with pytest.raises(DetectionError, match="found 1x2 inner corners in 9 photos"):
+    with raises_told(DetectionError, "found 1x2 inner corners in 9 photos"):
         search_by(search(monkeypatch, [True] * 10), shows([False] * 10), few, range(10), [])
     # Found quickly it is a reason to detect fully, which reports it or not.
     looking = search(monkeypatch, [True] * 10)

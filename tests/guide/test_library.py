@@ -32,7 +32,6 @@ from cubicfish import (
     ViewError,
 )
 from cubicfish.judge import FitRecord
-from cubicfish.judge.fit_record import fit_record
 from cubicfish_cli import (
     Calibration,
     CameraFile,
@@ -359,7 +358,7 @@ def test_nothing_is_printed_or_written(
     calibration = calibrate(detect(PHOTOS[0], target), target, hold_out=False)
     camera = calibration.camera
     evaluate(camera, calibration.pairs)
-    assert calibration.verdict.line
+    assert str(calibration.verdict)
     calibration.uncertainty(camera.project(camera.unproject([[480, 360]])))
     undistort(picture, camera, build_view(camera, "equidistant"))
     assert capfd.readouterr() == ("", "")
@@ -863,7 +862,9 @@ def test_uncertainty_is_known_in_the_field_alone(fitted: Calibration) -> None:
     narrow = replace(fitted.camera, max_angle_deg=20.0)
     assert np.isnan(replace(fitted, camera=narrow).uncertainty([[480, 100]])).all()
     silent = CameraFile(camera=fitted.camera, fit=FitRecord(), made_by={})
-    odd = replace(silent, fit=fit_record({"uncertainty": {"x": [1, 2], "y": "a", "sigma_px": []}}))
+    odd = replace(
+        silent, fit=FitRecord.of({"uncertainty": {"x": [1, 2], "y": "a", "sigma_px": []}})
+    )
     for file in (silent, odd):
         assert "does not say" in refusal(CameraFileError, lambda f=file: f.uncertainty([[1, 1]]))
     assert "not (..., 2)" in refusal(CorrespondenceError, lambda: fitted.uncertainty([1, 2, 3]))

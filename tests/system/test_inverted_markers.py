@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from told import raises_told
 
 from cubicfish import DetectionError, Target
 from cubicfish.find import find_grids
@@ -12,6 +13,7 @@ from cubicfish.observe.detection import first_pass
 from cubicfish.photos import find_photos
 from cubicfish.workers import Work
 from cubicfish_cli.render.board_faces import board_face
+from cubicfish_cli.words.sentences import render
 from tests.cubicfish.find.detection.test_markers import errors, find, mixed_photo, photo_of, wall
 
 PLAIN = Target(
@@ -98,15 +100,15 @@ def test_a_board_that_is_inverted_is_told_by_its_key(tmp_path):
     assert 0 not in detection.corners.board
     (finding,) = detection.findings
     assert (finding.code, finding.boards) == ("inverted", ("front0",))
-    assert "are light on dark" in finding.what
-    assert "say inverted: true and first_square: light for it in target.yaml" in finding.do
+    assert "are light on dark" in render(finding).what
+    assert "say inverted: true and first_square: light for it in target.yaml" in render(finding).do
 
 
 @pytest.mark.slow
 def test_a_board_that_is_not_inverted_is_reported_too(tmp_path):
     target = Target(units="mm", boards=INVERTED.boards[:1])
     only = Target(units="mm", boards=PLAIN.boards[:1])
-    with pytest.raises(DetectionError, match=r"dark on light .* say inverted: false and first_sq"):
+    with raises_told(DetectionError, r"dark on light .* say inverted: false and first_sq"):
         first_pass(photos_of(tmp_path, photo_of(only)), [target], Work(jobs=1))
 
 
@@ -114,7 +116,7 @@ def test_a_board_that_is_not_inverted_is_reported_too(tmp_path):
 @pytest.mark.parametrize("target", [PLAIN, INVERTED])
 def test_mirrored_markers_are_reported(tmp_path, target):
     mirrored = photos_of(tmp_path, photo_of(target)[:, ::-1])
-    with pytest.raises(DetectionError, match=r"are mirrored .*mirrored: true at the top of target"):
+    with raises_told(DetectionError, r"are mirrored .*mirrored: true at the top of target"):
         first_pass(mirrored, [target], Work(jobs=1))
     assert len(first_pass(mirrored, [target.in_mirror()], Work(jobs=1)).corners.pixel) > 50
 
@@ -124,7 +126,7 @@ def test_markers_that_are_nowhere_are_not_explained(tmp_path):
     other = Target(
         units="mm", boards=(wall("front", "charuco", (6, 5), 24.0, dictionary="DICT_6X6_50"),)
     )
-    with pytest.raises(DetectionError, match="none of the target's markers"):
+    with raises_told(DetectionError, "none of the target's markers"):
         first_pass(photos_of(tmp_path, photo_of(PLAIN)), [other], Work(jobs=1))
 
 

@@ -21,10 +21,11 @@ from cubicfish.find.identification.name_grids import name_grids
 from cubicfish.fit.radial_reference import fit_radial
 from cubicfish.observe.detection import first_pass
 from cubicfish.photos import find_photos
-from cubicfish.solve.statistics import rms_px
+from cubicfish.solve import rms_px
 from cubicfish.target.boards.shape import BoardShape
 from cubicfish.workers import Work
 from cubicfish_cli.render.board_faces import board_face
+from cubicfish_cli.words.sentences import render
 from tests.cubicfish.find.detection.test_markers import MIXED, POSE, errors, mixed_photo, photo_of
 from tests.cubicfish.find.identification.test_name_grids import names, seen
 
@@ -77,8 +78,8 @@ def test_a_mirrored_object_is_told_what_to_say():
     grids, _ = mirrored_photos(target)
     identified = name_grids(grids, target, IMAGE_SIZE, names(len(grids)))
     (finding,) = find_wrong_layout(grid_evidence(identified, target))
-    assert finding.what == "all photos are mirrored"
-    assert "mirrored: true at the top of target.yaml" in finding.do
+    assert render(finding).what == "all photos are mirrored"
+    assert "mirrored: true at the top of target.yaml" in render(finding).do
 
 
 @pytest.mark.slow
@@ -88,8 +89,8 @@ def test_an_object_that_is_not_mirrored_is_reported_to_be_so():
     shown = target.in_mirror()
     identified = name_grids(grids, shown, IMAGE_SIZE, names(len(grids)))
     (finding,) = find_wrong_layout(grid_evidence(identified, shown))
-    assert finding.what == "no photo is mirrored"
-    assert finding.do == "take mirrored: true out of target.yaml"
+    assert render(finding).what == "no photo is mirrored"
+    assert render(finding).do == "take mirrored: true out of target.yaml"
 
 
 @pytest.mark.parametrize(
@@ -115,9 +116,9 @@ def test_the_note_about_colours_says_what_to_write(tmp_path, said, mirrored, sho
     assert len(detection.corners.pixel) == 35
     (finding,) = detection.findings
     assert finding.severity == "note"
-    assert finding.do.startswith(reported)
-    assert ("take mirrored: true out" in finding.do) == mirrored
-    assert f"first_square is not {said}" in finding.what
+    assert render(finding).do.startswith(reported)
+    assert ("take mirrored: true out" in render(finding).do) == mirrored
+    assert f"first_square is not {said}" in render(finding).what
 
 
 @pytest.mark.slow
@@ -130,7 +131,7 @@ def test_a_first_square_of_the_other_colour_is_told_by_its_key():
     (finding,) = find_wrong_layout(
         grid_evidence(name_grids(grids, target, IMAGE_SIZE, names(6)), target)
     )
-    assert "first_square: dark" in finding.what
+    assert "first_square: dark" in render(finding).what
 
 
 @cache

@@ -15,6 +15,7 @@ import wrong_setups as wrong
 from running import SAMPLE, Run
 
 from cubicfish import load_camera
+from cubicfish_cli.words.sentences import render
 
 pytestmark = pytest.mark.slow
 
@@ -68,7 +69,7 @@ def test_the_cause_is_named(run: Run, tmp_path: Path, name: str, seed: int) -> N
         # One cause, which the camera's file and the verdict know of too.
         (finding,) = record["findings"]
         kept = load_camera(tmp_path / "calibration" / "camera.yaml").fit
-        assert [one.what for one in kept.findings] == [finding["what"]]
+        assert [render(one).what for one in kept.findings] == [finding["what"]]
         reasons = [reason["why"] for reason in record["verdict"]["reasons"]]
         assert (finding["level"] == "note") != any(finding["what"] in why for why in reasons)
 

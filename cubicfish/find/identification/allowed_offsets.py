@@ -46,7 +46,10 @@ class AllowedOffsets:
     @property
     def possible(self) -> bool:
         """Whether there is any place."""
-        return len(self.places()[0]) > 0
+        extent = self.high - self.low + 1
+        # Among two offsets side by side one is of either parity.
+        colours = (extent > 1).any(axis=1) | (self.low.sum(axis=1) % 2 == self.parity)
+        return bool(((extent > 0).all(axis=1) & colours).any())
 
 
 def find_allowed_offsets(cells: IntArray, parity: int, sides: Placement) -> AllowedOffsets:

@@ -1,13 +1,12 @@
 """What became of grids and photos: places on the target, named corners, and remarks on them.
 
-What many photos share is said once. Of targets with markers ids name the corners photo by photo;
+Of targets with markers ids name the corners photo by photo;
 boards without markers on the same target are named afterwards, in the second pass: by then the
 marked boards have given the lens and where each photo was taken from.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -21,7 +20,7 @@ from cubicfish.judge.finding import Finding
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
 from cubicfish.types import BoolArray
-from cubicfish.wording import Brief, listed
+from cubicfish.wording import Brief
 
 if TYPE_CHECKING:  # tables have no grids to be named, and ask for none of what names them
     from cubicfish.find.detection.markers import MarkedCorners
@@ -57,13 +56,6 @@ CODES = {
 """What is reported of a grid, by what became of it."""
 # What another lens makes of a board, as well as another nominal target.
 _ODD = (Decided.NO_FIT, Decided.NOT_PLANE)
-# Figures of a grid, in which those that share the rest may differ.
-_OF_GRID = frozenset(("grids", "columns", "rows", "corners"))
-# Figures of a photo, of which the largest is reported of several.
-_OF_PHOTO = frozenset(("error_px", "times"))
-# Figures of what was seen where no grid was found, of which the first photo's are reported.
-_OF_SIGHT = frozenset(("side_px", "blur_px", "seen_at", "dots"))
-_OF_ONE = _OF_GRID | _OF_PHOTO | _OF_SIGHT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,12 +232,7 @@ class PhotoReport:
     @property
     def problem(self) -> str | None:
         """One line that says why it gave no corners; None when it did."""
-        return "; ".join(finding.line for finding in self.findings) if self.lost else None
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """One line for each grid that was left out, or named by convention."""
-        return tuple(remark.line for remark in self.remarks)
+        return "; ".join(map(str, self.findings)) if self.lost else None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -336,36 +323,3 @@ def remarks_of(photo: str, grids: Sequence[GridReport], *, odd: bool) -> tuple[F
     """What is to be said of a photo's grids; see :func:`remark_of`."""
     remarks = (remark_of(photo, grid, odd=odd) for grid in grids)
     return tuple(one for one in remarks if one is not None)
-
-
-def remark_lines(findings: Sequence[Finding]) -> list[str]:
-    """One line for what several photos share, with their count and first names.
-
-    The lines come in the order in which something of the kind is first said.
-    """
-    groups: defaultdict[object, list[Finding]] = defaultdict(list)
-    for one in findings:
-        rest = tuple((key, one.figures[key]) for key in one.figures if key not in _OF_ONE)
-        groups[one.code, one.case, one.boards, rest].append(one)
-    return [line for own in groups.values() for line in _write_lines(own)]
-
-
-def line_of(finding: Finding) -> str:
-    """A line about one photo, with its name."""
-    if finding.code is Code.CANNOT_BE_READ:  # the photo's error names the file
-        return finding.line
-    return f"{finding.images[0]}: {finding.line}"
-
-
-def _write_lines(own: Sequence[Finding]) -> list[str]:
-    photos = tuple(dict.fromkeys(name for one in own for name in one.images))
-    if len(photos) == 1:
-        return [line_of(one) for one in own]
-    worst = {key: max(one.figures[key] for one in own) for key in _OF_PHOTO & own[0].figures.keys()}
-    together = replace(own[0], images=photos, figures={**own[0].figures, **worst})
-    if "grids" in together.figures:
-        sizes = [(one.figures["columns"], one.figures["rows"]) for one in own]
-        columns, rows = max((max(size), min(size)) for size in sizes)
-        size = {"grids": len(own), "columns": columns, "rows": rows}
-        together = replace(together, figures={**together.figures, **size})
-    return [f"{len(photos)} photos ({listed(photos, 'photos')}): {together.line}"]

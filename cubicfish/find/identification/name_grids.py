@@ -16,7 +16,6 @@ import numpy as np
 
 from cubicfish.errors import FitError
 from cubicfish.find.detection.grids import Grid
-from cubicfish.find.identification.allowed_offsets import find_allowed_offsets
 from cubicfish.find.identification.decide import Decision, rim_in_doubt
 from cubicfish.find.identification.ends import solid
 from cubicfish.find.identification.identified import Decided, GridReport, Identified, Place
@@ -24,14 +23,12 @@ from cubicfish.find.identification.scene import (
     Decisions,
     Scene,
     anonymous_pairs,
-    grid_poses,
     named_lens,
     rigid,
     spread,
 )
 from cubicfish.fit.radial_reference import RadialReference, fit_radial
 from cubicfish.geometry import mean_rotation
-from cubicfish.models.radial import RadialCamera
 from cubicfish.target.observations import Observations
 from cubicfish.target.placement import Placement
 from cubicfish.target.target import Target
@@ -72,10 +69,10 @@ def name_grids(
         reference = fit_radial(anonymous_pairs(scene.grids, image_size)) if scene.grids else None
     except FitError:  # planes without names need not determine a lens
         reference = None
-    decisions = _decide_nominally(scene, reference)
+    scene, decisions = _decide_nominally(scene, reference)
     if scene.camera is not None:
         sides, decisions = decided_as_built(scene, decisions)
-        _cut_unnamed(scene, scene.camera, sides, decisions)
+        scene, decisions = _cut_unnamed(scene, sides, decisions)
         decisions = _leave_out_misfits(scene, sides, decisions)
     return _make_identified(scene, _doubt_strays(scene, decisions), tuple(images))
 
@@ -100,16 +97,15 @@ def name_again(
     return name_grids(own, target, corners.image_size, [corners.images[i] for i in photos])
 
 
-def _decide_nominally(scene: Scene, reference: RadialReference | None) -> Decisions:
-    """The names by the nominal boards, under the best lens that they give.
+def _decide_nominally(scene: Scene, reference: RadialReference | None) -> tuple[Scene, Decisions]:
+    """The names by the nominal boards, and the scene under the best lens that they give.
 
     ``reference`` is the lens that they give without names.
     """
     decisions: Decisions = []
     before: Sequence[object] = []
     for _ in range(_ROUNDS):
-        scene.see_through(reference.camera if reference else None)
-        scene.place_grids()
+        scene = scene.seen_through(reference.camera if reference else None).placed()
         decisions = scene.decide_all(scene.sides)
         names = [(one.verdict, one.side.tolist(), one.offset.tolist()) for one in decisions]
         verdicts = {verdict for one in decisions for verdict in one.verdict}
@@ -120,39 +116,31 @@ def _decide_nominally(scene: Scene, reference: RadialReference | None) -> Decisi
             break
         before = names
         reference = named_lens(scene, reference, decisions) or reference
-    scene.see_through(reference.camera if reference else None)
-    return decisions
+    return scene.seen_through(reference.camera if reference else None), decisions
 
 
-def _cut_unnamed(
-    scene: Scene, camera: RadialCamera, sides: Placement, decisions: Decisions
-) -> None:
+def _cut_unnamed(scene: Scene, sides: Placement, decisions: Decisions) -> tuple[Scene, Decisions]:
     """Cut what may be strays off grids that have no name, where they have one without them.
 
     With strays a grid may still fit a larger board of the target, and then nothing is in its way.
     """
+    decided = list(decisions)
     for photo, own in enumerate(scene.photos):
         before = decisions[photo]
-        cut = {
-            index: part
-            for n, index in enumerate(own)
-            if before.verdict[n] is not Decided.NAMED
-            and len(part := solid(scene.grids[index])) < len(scene.grids[index])
-        }
+        unnamed = [
+            index
+            for index, verdict in zip(own, before.verdict, strict=True)
+            if verdict is not Decided.NAMED
+        ]
+        parts = {index: solid(scene.grids[index]) for index in unnamed}
+        cut = {k: part for k, part in parts.items() if len(part) < len(scene.grids[k])}
         if not cut:
             continue
-        kept = {
-            index: (scene.grids[index], scene.allowed[index], scene.poses[index]) for index in cut
-        }
-        poses = grid_poses(camera, list(cut.values()), scene.image_size)
-        for (index, part), pose in zip(cut.items(), poses, strict=True):
-            scene.put(index, part, find_allowed_offsets(part.cells, part.parity, scene.sides), pose)
-        after = scene.decide(sides, own)
-        if scene.named_corners(own, after) > scene.named_corners(own, before):
-            decisions[photo] = after
-            continue
-        for index, whole in kept.items():
-            scene.put(index, *whole)
+        trial = scene.with_grids(cut)
+        after = trial.decide(sides, own)
+        if trial.named_corners(own, after) > scene.named_corners(own, before):
+            scene, decided[photo] = trial, after
+    return scene, decided
 
 
 def _leave_out_misfits(scene: Scene, sides: Placement, decisions: Decisions) -> Decisions:

@@ -9,8 +9,9 @@ front of the camera, in squares, and names follow from how these places fit toge
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -39,7 +40,7 @@ Decisions = list[Decision]
 """One for each photo, of as many grids as it has."""
 
 
-@dataclass(kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
     """All grids of all photos, in one list.
 
@@ -52,20 +53,19 @@ class Scene:
         photos: for each photo, indices into the list, largest grid first.
         other_colours: whether the photos show the only board's colours exchanged.
         camera: the lens so far; None where there is none.
-        poses: where each grid is under that lens; None where it is no plane of squares.
+        poses: where each grid is under a lens; None where it is no plane of squares.
 
     """
 
     target: Target
     sides: Placement
     image_size: tuple[int, int]
-    grids: list[Grid]
-    allowed: list[AllowedOffsets]
-    photos: list[list[int]]
+    grids: Sequence[Grid]
+    allowed: Sequence[AllowedOffsets]
+    photos: Sequence[Sequence[int]]
     other_colours: bool
     camera: RadialCamera | None = None
-    poses: list[GridPose | None] = field(default_factory=list)
-    _farthest: float | None = None  # normalised radius that corners reach under the lens
+    poses: Sequence[GridPose | None] = ()
 
     @classmethod
     def of(
@@ -76,84 +76,92 @@ class Scene:
         other_colours = _has_other_colours(grids, sides)
         if other_colours:
             sides = replace(sides, colour=-sides.colour)
-        scene = cls(
+        fitting = [_cut_to_boards(grid, sides) for own in grids for grid in own]
+        every = [grid for grid, _ in fitting]
+        counts = [len(own) for own in grids]
+        first = np.cumsum([0, *counts])[:-1].tolist()
+        numbers = [range(start, start + n) for start, n in zip(first, counts, strict=True)]
+        return cls(
             target=target,
             sides=sides,
             image_size=image_size,
-            grids=[],
-            allowed=[],
-            photos=[],
+            grids=every,
+            allowed=[allowed for _, allowed in fitting],
+            photos=[sorted(own, key=lambda k: -len(every[k])) for own in numbers],
             other_colours=other_colours,
+            poses=[None] * len(every),
         )
-        for own in grids:
-            first = len(scene.grids)
-            for found in own:
-                grid, room = found, find_allowed_offsets(found.cells, found.parity, sides)
-                if not room.wide_enough:
-                    cut = without_strays(grid, sides.sizes_seen)
-                    if cut is not None:
-                        grid, room = cut, find_allowed_offsets(cut.cells, cut.parity, sides)
-                scene.grids.append(grid)
-                scene.allowed.append(room)
-            order = sorted(range(first, len(scene.grids)), key=lambda k: -len(scene.grids[k]))
-            scene.photos.append(order)
-        return scene
 
-    def see_through(self, camera: RadialCamera | None) -> None:
-        """Take another lens; grids stay where they are until they are placed again."""
-        self.camera, self._farthest = camera, None
+    def seen_through(self, camera: RadialCamera | None) -> Scene:
+        """The same with another lens; grids stay where they are until they are placed again."""
+        return replace(self, camera=camera)
 
-    def place_grids(self) -> None:
-        """Find where all grids are under the lens."""
-        self.poses = [None] * len(self.grids)
-        if self.camera is not None:
-            self.poses = grid_poses(self.camera, self.grids, self.image_size)
+    def placed(self) -> Scene:
+        """The same with all grids where they are under the lens."""
+        return replace(self, poses=self._find_poses(self.grids))
 
-    def put(self, index: int, grid: Grid, allowed: AllowedOffsets, pose: GridPose | None) -> None:
-        """Another grid in the place of one."""
-        self.grids[index], self.allowed[index], self.poses[index] = grid, allowed, pose
-        self._farthest = None
+    def with_grids(self, others: Mapping[int, Grid]) -> Scene:
+        """The same with other grids in the place of some, where they are under the lens."""
+        grids, allowed, poses = list(self.grids), list(self.allowed), list(self.poses)
+        found = self._find_poses(list(others.values()))
+        for (index, grid), pose in zip(others.items(), found, strict=True):
+            grids[index], poses[index] = grid, pose
+            allowed[index] = find_allowed_offsets(grid.cells, grid.parity, self.sides)
+        return replace(self, grids=grids, allowed=allowed, poses=poses)
+
+    def _find_poses(self, grids: Sequence[Grid]) -> list[GridPose | None]:
+        if self.camera is None:
+            return [None] * len(grids)
+        return grid_poses(self.camera, grids, self.image_size)
 
     def decide(self, sides: Placement, own: Sequence[int]) -> Decision:
         """What becomes of one photo's grids, in the order of ``own``.
 
         ``sides`` are the boards where they are, ``self.sides`` where they are nominally.
         """
-        camera = self.camera
-        usable = [
-            n for n, index in enumerate(own)
-            if self.allowed[index].possible and (camera is None or self.poses[index] is not None)
-        ]  # fmt: skip
-        found = None
-        if camera is not None and len(usable) > 1:
-            views = [
-                view_of(camera, self.grids[index], self._get_pose(index), self.allowed[index])
-                for index in (own[n] for n in usable)
-            ]
-            labelings = search(views, sides)
-            ends = [self._find_ends(camera, own, own[n]) for n in usable]
-            found = decide([self.grids[own[n]] for n in usable], self.sides, labelings, ends)
-        part = usable
+        out = [self._why_out(index) for index in own]
+        usable = [n for n, why in enumerate(out) if why is None]
+        part, found = usable, None
+        if self.camera is not None and len(usable) > 1:
+            found = self._decide_together(self.camera, sides, own, usable)
         if found is None and usable:
-            part = usable[:1]
-            index = own[part[0]]
-            grid, pose = self.grids[index], self.poses[index]
-            found = decide_alone(grid, self.sides, self.allowed[index], self.ends(own, index))
-            if pose is not None:
-                found = replace(found, rms_px=np.array([pose.rms_px]))
-            # Another may be nearly as large as the largest: which one is the board then?
-            has_runner_up = len(usable) > 1 and 2 * len(self.grids[own[usable[1]]]) > len(grid)
-            if found.verdict[0] is Decided.CONVENTION and has_runner_up:
-                found = replace(found, verdict=(Decided.AMBIGUOUS,))
+            part, found = usable[:1], self._decide_largest(own, usable)
         decision = spread(found, part, len(own))
-        verdict = list(decision.verdict)
-        for n, index in enumerate(own):
-            if not self.allowed[index].possible:
-                wide = self.allowed[index].wide_enough
-                verdict[n] = Decided.COLOURS if wide else Decided.TOO_LARGE
-            elif n not in usable:
-                verdict[n] = Decided.NOT_PLANE
+        verdict = [why or given for why, given in zip(out, decision.verdict, strict=True)]
         return replace(decision, verdict=tuple(verdict))
+
+    def _why_out(self, index: int) -> Decided | None:
+        """Why a grid can have no place, if it is no board's or no plane; None where it may."""
+        allowed = self.allowed[index]
+        if not allowed.possible:
+            return Decided.COLOURS if allowed.wide_enough else Decided.TOO_LARGE
+        flat = self.camera is None or self.poses[index] is not None
+        return None if flat else Decided.NOT_PLANE
+
+    def _decide_together(
+        self, camera: RadialCamera, sides: Placement, own: Sequence[int], usable: Sequence[int]
+    ) -> Decision | None:
+        """The names of grids that lie on the target together; None where they do not."""
+        some = [own[n] for n in usable]
+        views = [
+            view_of(camera, self.grids[index], self._get_pose(index), self.allowed[index])
+            for index in some
+        ]
+        ends = [self._find_ends(camera, own, index) for index in some]
+        return decide([self.grids[index] for index in some], self.sides, search(views, sides), ends)
+
+    def _decide_largest(self, own: Sequence[int], usable: Sequence[int]) -> Decision:
+        """The name of the largest grid, by itself."""
+        index, *others = (own[n] for n in usable)
+        grid, pose = self.grids[index], self.poses[index]
+        found = decide_alone(grid, self.sides, self.allowed[index], self.ends(own, index))
+        if pose is not None:
+            found = replace(found, rms_px=np.array([pose.rms_px]))
+        # Another may be nearly as large as the largest: which one is the board then?
+        has_runner_up = any(2 * len(self.grids[other]) > len(grid) for other in others[:1])
+        if found.verdict[0] is Decided.CONVENTION and has_runner_up:
+            found = replace(found, verdict=(Decided.AMBIGUOUS,))
+        return found
 
     def decide_all(self, sides: Placement) -> Decisions:
         """The same for every photo."""
@@ -164,9 +172,6 @@ class Scene:
         return None if self.camera is None else self._find_ends(self.camera, own, index)
 
     def _find_ends(self, camera: RadialCamera, own: Sequence[int], index: int) -> Ends:
-        if self._farthest is None:
-            pixel = np.concatenate([grid.pixel for grid in self.grids])
-            self._farthest = farthest_radius(camera, pixel)
         pose = self._get_pose(index)
         return ends_of(
             camera,
@@ -175,6 +180,13 @@ class Scene:
             np.concatenate([np.empty((0, 2)), *(self.grids[k].pixel for k in own if k != index)]),
             self._farthest,
         )
+
+    @cached_property
+    def _farthest(self) -> float:
+        """How far from the axis nearly all corners of all photos lie, normalised."""
+        if self.camera is None:
+            return np.inf
+        return farthest_radius(self.camera, np.concatenate([grid.pixel for grid in self.grids]))
 
     def named_corners(self, own: Sequence[int], decision: Decision) -> int:
         """How many corners of a photo's grids have surely a name."""
@@ -195,6 +207,15 @@ class Scene:
         if pose is None:
             raise ValueError("a grid that is no plane of squares has no place")
         return pose
+
+
+def _cut_to_boards(grid: Grid, sides: Placement) -> tuple[Grid, AllowedOffsets]:
+    """A grid without the strays that hide its board, if any, and where it can lie."""
+    allowed = find_allowed_offsets(grid.cells, grid.parity, sides)
+    cut = None if allowed.wide_enough else without_strays(grid, sides.sizes_seen)
+    if cut is None:
+        return grid, allowed
+    return cut, find_allowed_offsets(cut.cells, cut.parity, sides)
 
 
 def rigid(decision: Decision) -> list[int]:

@@ -5,22 +5,17 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish import CubicCamera, Finding, Observations, Target
-from cubicfish.io.camera_yaml import Calibrated
+from cubicfish import Calibration, CameraFile, CubicCamera, Finding, Observations, Target
+from cubicfish.judge import FieldUncertainty
 from cubicfish.judge.codes import Code
-from cubicfish.judge.uncertainty import FieldUncertainty
-from cubicfish.solve.poses import Poses
-from cubicfish.sufficiency.knowledge import Knowledge
-from cubicfish.sufficiency.sufficiency import (
-    CoverageGaps,
-    Goal,
-    explain_insufficiency,
-)
+from cubicfish.solve import Poses
+from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge, explain_insufficiency
 from cubicfish.threads import one_blas_thread
 from cubicfish_cli.extensions.advice.limited_lens import limited_lens
 from cubicfish_cli.extensions.advice.proposals import Proposal, proposed
 from cubicfish_cli.viewpoints.views import Distances, Viewpoint, WholeLens, sample_views
-from cubicfish_cli.words.sufficiency import part_words
+from cubicfish_cli.words.sentences import record_of, render
+from cubicfish_cli.words.sufficiency import gap_words
 
 PROPOSALS = 3
 # Photos so far show where this camera is in focus and the target is in view: proposals lie between
@@ -70,24 +65,27 @@ class Advice:
         """Return plain data for JSON."""
         return {
             "enough": self.enough,
-            "reasons": [reason.line for reason in self.reasons],
-            "findings": [reason.as_record() for reason in self.reasons],
+            "reasons": [render(reason).line for reason in self.reasons],
+            "findings": [record_of(reason) for reason in self.reasons],
             "photos": len(self.pairs.images),
             "photos_needed": self.photos_needed,
             "goal_px": self.goal_px,
             "noise_px": self.noise_px,
             "now": self.now.as_record() if self.now else None,
             "coverage": self.gaps.cells.coverage,
-            "empty": [{**part.as_record(), "words": part_words(part)} for part in self.gaps.parts],
+            "empty": [
+                {**part.as_record(), "words": words}
+                for part, words in zip(self.gaps.parts, gap_words(self.gaps), strict=True)
+            ],
             "proposals": [proposal.as_record() for proposal in self.proposals],
-            "notes": [note.line for note in self.notes],
-            "remarks": [note.as_record() for note in self.notes],
+            "notes": [render(note).line for note in self.notes],
+            "remarks": [record_of(note) for note in self.notes],
         }
 
 
 @one_blas_thread()
 def advise(
-    known: Calibrated,
+    known: Calibration | CameraFile,
     pairs: Observations,
     target: Target | None,
     *,

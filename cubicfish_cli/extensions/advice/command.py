@@ -86,7 +86,7 @@ def advise_files(options: AdviseOptions, *, run: Run = Run()) -> AdviceFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish.io.camera_yaml import Calibrated
+    from cubicfish import CubicCamera
     from cubicfish_cli.extensions.advice.advise import advise
     from cubicfish_cli.inputs.calibration_facts import facts_of_files
 
@@ -104,7 +104,7 @@ def advise_files(options: AdviseOptions, *, run: Run = Run()) -> AdviceFiles:
     plan.reads(facts.sources)
     if given is not None and facts.target is None:
         raise UsageError("name the target of these corners with --target target.yaml")
-    if not isinstance(facts.known, Calibrated):
+    if not isinstance(facts.known.camera, CubicCamera):
         raise CubicfishError(
             f"{path} is of lift 'point', which has no rays: its uncertainty over the field, "
             "and what would lower it, cannot be worked out; calibrate with --lift ray for this"
@@ -151,6 +151,7 @@ def command(made: AdviceFiles, given: AdviseOptions, how: How) -> None:
 
 def _print(advice: Advice) -> None:
     from cubicfish_cli.words.camera import COVERED, uncertainty_meaning
+    from cubicfish_cli.words.sentences import render
 
     pairs = advice.pairs
     result(f"{plural(len(pairs.images), 'photo')}, {plural(len(pairs.pixel), 'corner')}")
@@ -163,7 +164,7 @@ def _print(advice: Advice) -> None:
         result("Enough: more photos are not needed.")
         result("Smaller uncertainty can be asked for with --goal.\n")
     else:
-        result("Not enough: " + "; ".join(reason.why for reason in advice.reasons) + ".")
+        result("Not enough: " + "; ".join(render(reason).why for reason in advice.reasons) + ".")
         result(_describe_how_many(advice))
         _print_gaps(advice)
         if advice.proposals:
@@ -177,7 +178,7 @@ def _print(advice: Advice) -> None:
         if advice.proposals:
             result()
     for note in advice.notes:
-        print_message(f"note: {note}")
+        print_message(f"note: {render(note).line}")
 
 
 def _describe_how_many(advice: Advice) -> str:
@@ -195,13 +196,13 @@ def _describe_how_many(advice: Advice) -> str:
 
 
 def _print_gaps(advice: Advice) -> None:
-    from cubicfish_cli.words.sufficiency import part_words
+    from cubicfish_cli.words.sufficiency import gap_words
 
-    parts = advice.gaps.parts
+    parts = gap_words(advice.gaps)
     if parts:
         result("No corners here:")
         for part in parts[:_MOST_PARTS]:
-            result(f"  {part_words(part)}")
+            result(f"  {part}")
         if len(parts) > _MOST_PARTS:
             result(f"  and {plural(len(parts) - _MOST_PARTS, 'smaller part')}")
         result()

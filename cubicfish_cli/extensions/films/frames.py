@@ -113,7 +113,7 @@ def chosen_of(
                 "a board in view, whole squares of it, sharp and not covered?"
             )
     except DetectionError as error:
-        raise DetectionError(f"no frame can be chosen of {names_of(measured)}: {error}") from error
+        raise error.amid(f"no frame can be chosen of {names_of(measured)}: ") from error
     gains = sorted(zip(search.choice.order, search.choice.gain, strict=True))
     return Chosen(
         measured=measured,

@@ -8,12 +8,7 @@ from typing import Any
 from cubicfish import CameraFile, CameraFileError, did_you_mean, quoted
 from cubicfish.arrays import Refusal
 from cubicfish.files import StrPath
-from cubicfish.fit.imported_lens import (
-    LARGEST_ANGLE_DEG,
-    LARGEST_FIELD_DEG,
-    ImportedCamera,
-    from_lens,
-)
+from cubicfish.fit import ImportedCamera, from_lens
 from cubicfish.judge import FitRecord
 from cubicfish.models import Lens
 from cubicfish_cli.extension_guard import read_formats
@@ -96,16 +91,12 @@ def import_camera(
         raise CameraFileError(
             f"no format that is read is called {quoted(written_by)}: {suggestion}"
         )
-    if max_angle_deg is not None and not 0 < max_angle_deg <= LARGEST_ANGLE_DEG:
-        raise CameraFileError(
-            f"max_angle_deg must be above 0 and at most {LARGEST_ANGLE_DEG:g}, not {max_angle_deg}"
-        )
     size = None
     if image_size is not None:
         size = _REFUSAL.size(image_size)
     lens, found = read_foreign(path, name=written_by, camera=camera, image_size=size)
     own = own_field_deg(path)
-    made = from_lens(lens, max_angle_deg=max_angle_deg or own or LARGEST_FIELD_DEG)
+    made = from_lens(lens, max_angle_deg=own if max_angle_deg is None else max_angle_deg)
     near = {"rms_px": made.error.rms_px, "max_px": made.error.max_px}
     return Imported(
         camera=made.camera,

@@ -30,7 +30,7 @@ from numpy.polynomial import Polynomial, chebyshev, polynomial
 from cubicfish import CameraFileError, CubicCamera, FloatArray
 from cubicfish.files import read_text
 from cubicfish.models import FormulaLens, RadialCamera, angle_from_axis
-from cubicfish.solve.fit_lens import nearest_lens
+from cubicfish.solve import nearest_lens
 from cubicfish_cli.foreign.file_contents import PlacedLens, numbers, size
 
 # Degrees to try. Real files mostly have 4; the toolbox's C reader takes up to 63.

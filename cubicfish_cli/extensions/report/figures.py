@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 
-from cubicfish import CubicCamera, FloatArray
-from cubicfish.comparison import aligned_difference
+from cubicfish import CubicCamera, FloatArray, aligned_difference
 from cubicfish.models import angle_from_axis
-from cubicfish.solve.statistics import rms_px
+from cubicfish.solve import rms_px
 from cubicfish_cli.inputs.calibration_facts import ErrorFacts, Facts
 from cubicfish_cli.render.difference_picture import round_up
 from cubicfish_cli.render.pages import figures as page

@@ -11,18 +11,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cubicfish import CubicCamera
-from cubicfish.judge import Severity
-from cubicfish.judge.fit_record import DroppedCorner, origin_of
+from cubicfish.judge import Origin, Severity
+from cubicfish.judge.verdict import LEVELS
 from cubicfish_cli.extensions.report.figures import all_figures, arrow_zoom
 from cubicfish_cli.extensions.report.pictures import MOST_CARDS, all_pictures
 from cubicfish_cli.extensions.report.scene import scene_figures
 from cubicfish_cli.inputs.calibration_facts import Facts, facts_of_fit, matched
 from cubicfish_cli.render.pages.template import day_of, template
 from cubicfish_cli.words import camera as in_words
+from cubicfish_cli.words.sentences import render
 
 if TYPE_CHECKING:
     from cubicfish import Calibration, Observations
-    from cubicfish.fit.point_fit import PointCalibration
+    from cubicfish.fit import PointCalibration
 
 _MOST_DROPPED = 200
 _MOST_ROWS = 5000
@@ -51,7 +52,7 @@ def report_html(facts: Facts) -> str:
     if not isinstance(facts.camera, CubicCamera):
         absent.append(_POINT_ABSENT)
     names = [photo.image for photo in facts.photos]
-    origin = origin_of(facts.known.made_by)
+    origin = Origin.of(facts.known.made_by)
     return template(Path(__file__).with_name("report.html")).render(
         facts=facts,
         known=facts.known,
@@ -59,7 +60,8 @@ def report_html(facts: Facts) -> str:
         fit=facts.fit,
         in_words=in_words,
         verdict=facts.known.verdict,
-        words=in_words.LEVELS,
+        words=LEVELS,
+        render=render,
         is_ray=isinstance(facts.camera, CubicCamera),
         figures=figures,
         tiles=_make_tiles(facts),
@@ -72,8 +74,10 @@ def report_html(facts: Facts) -> str:
         zoom=zoom,
         empty=_list_without_corners(facts),
         # They do not speak against the camera.
-        notes=[one.line for one in facts.fit.findings if one.severity is Severity.NOTE],
-        dropped=sorted(facts.fit.dropped_corners, key=_rank_by_error)[:_MOST_DROPPED],
+        notes=[render(one).line for one in facts.fit.findings if one.severity is Severity.NOTE],
+        dropped=sorted(facts.fit.dropped_corners, key=lambda one: -np.nan_to_num(one.error_px))[
+            :_MOST_DROPPED
+        ],
         made=origin,
         day=day_of(origin),
         absent=absent,
@@ -112,14 +116,10 @@ def _list_boards(facts: Facts) -> dict[str, str]:
     return {name: ", ".join(boards) for name, boards in by_photo.items()}
 
 
-def _rank_by_error(corner: DroppedCorner) -> float:
-    return -float(np.nan_to_num(corner.error_px))
-
-
 def _list_without_corners(facts: Facts) -> list[str]:
     """Return photos of which no corner was used, beside those left out by name."""
     known = {photo.image for photo in facts.photos} | facts.fit.unfit_images.keys()
-    files = [one.file for one in origin_of(facts.known.made_by).inputs]
+    files = [one.file for one in Origin.of(facts.known.made_by).inputs]
     paths = [Path(file) for file in files if not file.lower().endswith(".csv")]
     taken = set(matched(sorted(known), paths).values())
     return [path.name for path in paths if path not in taken]

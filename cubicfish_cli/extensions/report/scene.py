@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cubicfish.solve.poses import rotation_from_vector
+from cubicfish.solve import Poses
 from cubicfish_cli.inputs.calibration_facts import Facts
 from cubicfish_cli.render.pages import figures as page
 from cubicfish_cli.render.pages.plot import INK, Space
@@ -14,11 +14,11 @@ _VIEWS = (("Where the photos were taken from", 25, -50), ("The same from above",
 
 def scene_figures(facts: Facts) -> dict[str, page.Drawn]:
     """Draw the target with the photos' places from two sides, by name; none if no pose is known."""
-    if not facts.fit.poses:
+    poses = Poses.of_photos(facts.fit.poses, [*facts.fit.poses])
+    if poses is None:
         return {}
-    vectors, shifts = zip(*facts.fit.poses.values(), strict=True)
-    rotation = rotation_from_vector(vectors)
-    centre = -np.einsum("nij,ni->nj", rotation, np.array(shifts))
+    rotation = poses.rotation
+    centre = -np.einsum("nij,ni->nj", rotation, poses.translation)
     boards = () if facts.target is None else facts.target.boards
     # A fit and its file differ in the last digits, but the page must be the same.
     plates = [board.outline().astype(np.float32).astype(float) for board in boards]

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from cubicfish import Event, Run, UsageError, quoted
-from cubicfish.files import StrPath
+from cubicfish.files import Content, StrPath
 from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_rig
 from cubicfish_cli.films import MOST
-from cubicfish_cli.inputs.paths import in_folder, paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.render.pages import PAGE
@@ -31,13 +29,14 @@ from cubicfish_cli.terminal.parameters import (
 )
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import apart, print_message, print_wrote, result
-from cubicfish_cli.words.phrases import plural
+from cubicfish_cli.words.sentences import render
 
 if TYPE_CHECKING:
-    from cubicfish import Rig, Target
-    from cubicfish.fit.model_selection import RefineTarget
-    from cubicfish.io.camera_yaml import Calibrated
+    from cubicfish import Calibration, CameraFile, Rig, Target
+    from cubicfish.fit import RefineTarget
+    from cubicfish.rigs import CornerMotion
     from cubicfish_cli.extensions.rigs.films import ShotFrame
+    from cubicfish_cli.observe import Inputs
 
 
 @record
@@ -78,7 +77,7 @@ class RigOptions:
     names: str | None = option(
         "--names NAME,NAME...", "Names of the cameras. [default: those of their folders or files]"
     )
-    lenses: Mapping[str, Calibrated | StrPath] | Sequence[Path] = option(
+    lenses: Mapping[str, Calibration | CameraFile | StrPath] | Sequence[Path] = option(
         "--lens NAME=FILE",
         "A camera that is calibrated already: its name and its file or folder. Its lens stays as "
         "it is. Once for each such camera.",
@@ -128,15 +127,19 @@ class RigFiles:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish rig calibrate --json`` prints."""
+        from cubicfish_cli.words.camera import verdict_record
+
         return {
             **self.rig.as_record(),
             "model": str(self.files[0]),
-            "verdict": self.rig.verdict.as_record(),
+            "verdict": verdict_record(self.rig.verdict),
         }
 
 
 def calibrate_rig_files(options: RigOptions, *, run: Run = Run()) -> RigFiles:
     """Calibrate several cameras on one body from files, as ``cubicfish rig calibrate`` does.
+
+    Everything is written together at the end, or nothing is, but for frames of films.
 
     Raises:
         UsageError: the options do not go together.
@@ -144,105 +147,108 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = Run()) -> RigFiles:
             can be fitted.
 
     """
-    from cubicfish import calibrate_rig, load_camera, load_rig, save_corners, save_rig
-    from cubicfish.rigs.rig import REFINED
-    from cubicfish.rigs.shots import TOLERANCE, load_shots, load_times
-    from cubicfish_cli.extensions.rigs.films import keeping_frames, moving_corners, rig_frames
-    from cubicfish_cli.extensions.rigs.inputs import (
-        check_camera_inputs,
-        is_calibrated,
-        load_camera_inputs,
-        read_for,
-    )
-    from cubicfish_cli.extensions.rigs.report import write_rig_page
-    from cubicfish_cli.films.scan import room_for_frames
+    from cubicfish.files import write_files
+    from cubicfish_cli.extensions.rigs.films import keeping_frames
+    from cubicfish_cli.extensions.rigs.words import rig_with_texts
+
+    plan = _plan(options, run)
+    seen = _observe(plan, run)
+    with keeping_frames(seen.frames, plan.frames):
+        rig = rig_with_texts(_fit(plan, seen, run))
+        contents = _make_contents(plan, rig, seen, run)
+        run.listener.progress("Writing")
+        files = write_files(contents, overwrite=run.overwrite, folder=plan.folder)
+    return RigFiles(rig=rig, files=files)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _RigPlan:
+    """What is read, and what will be written.
+
+    Attributes:
+        options: the options.
+        cameras: of each camera by name, its input.
+        lenses: by name, those that are calibrated already, or their files.
+        target: what the cameras see.
+        are_films: whether the inputs are films.
+        folder: where files go.
+        page: the page, if one is made.
+        register: of all that is read and written.
+
+    """
+
+    options: RigOptions
+    cameras: Mapping[str, Path]
+    lenses: Mapping[str, Calibration | CameraFile | Path]
+    target: TargetSource
+    are_films: bool
+    folder: Path
+    page: Path | None
+    register: Plan
+
+    @property
+    def frames(self) -> Path:
+        """Where chosen frames of films go."""
+        return self.folder / "frames"
+
+    @property
+    def corners(self) -> dict[str, Path]:
+        """Of each camera, its corners.csv."""
+        return {name: self.folder / name / "corners.csv" for name in self.cameras}
+
+    @property
+    def refine_target(self) -> RefineTarget:
+        """What of the target is fitted."""
+        return self.options.refine_target or "auto"
+
+    @property
+    def matching(self) -> str:
+        """By what photos are said to be of one shot."""
+        options = self.options
+        by = str(options.shots or ("time" if options.tolerance else "name"))
+        return "films" if self.are_films else by
+
+
+def _plan(options: RigOptions, run: Run) -> _RigPlan:
+    from cubicfish_cli.core_table import CALIBRATION_FILES
+    from cubicfish_cli.extensions.rigs.inputs import check_camera_inputs, is_calibrated, read_for
+    from cubicfish_cli.extensions.rigs.naming import named_cameras, named_lenses
     from cubicfish_cli.observe import films_among
     from cubicfish_cli.render import drawing as extra
 
-    source, cameras, names = TargetSource.of(options.target), options.cameras, options.names
-    if isinstance(cameras, Mapping):
-        names, cameras = ",".join(cameras), list(cameras.values())
-    inputs = paths_of(cameras)
-    called = _name_cameras(inputs, names)
-    lenses = _name_lenses(options.lenses, called)
+    target, folder = TargetSource.of(options.target), Path(options.folder)
+    cameras = named_cameras(options.cameras, options.names)
+    lenses, inputs = named_lenses(options.lenses, cameras), list(cameras.values())
     films = films_among(inputs)
     _refuse_unused(options, inputs, films)
     if films:
-        source.check()
-    elif check_camera_inputs(inputs, source, run) and options.refine_target is not None:
+        target.check()
+    elif check_camera_inputs(inputs, target, run) and options.refine_target is not None:
         raise UsageError("--refine-target is of a target, and 2D-3D pairs have none: leave it out")
-    kept = {name for name, path in zip(called, inputs, strict=True) if is_calibrated(path)}
-    for name, given in (
-        ("--hold-lenses", options.hold_lenses),
-        ("--refine-target", options.refine_target is not None),
-    ):
-        if given and len(kept | {*lenses}) == len(called):
-            raise UsageError(f"{name} is of cameras that are calibrated here: leave it out")
+    if all(name in lenses or is_calibrated(path) for name, path in cameras.items()):
+        for name, given in (
+            ("--hold-lenses", options.hold_lenses),
+            ("--refine-target", options.refine_target is not None),
+        ):
+            if given:
+                raise UsageError(f"{name} is of cameras that are calibrated here: leave it out")
     run.date()  # said before the work if it cannot be
-    place, listener = Path(options.folder), run.listener
-    pages = [place / PAGE] if options.report and not extra.missing(extra.REPORT) else []
-    own_files = [place / name / "camera.yaml" for name in called]
-    corners = [place / name / "corners.csv" for name in called]
-    refined = [place / REFINED] if options.refine_target != "off" else []
-    plan = Plan(run).reads(read_for(inputs), source, options.shots, options.times, lenses)
-    plan.writes(place / "rig.yaml", *pages, *own_files, *corners, *refined)
-    known: dict[str, Calibrated] = {
-        name: load_camera(one) if isinstance(one, Path) else one for name, one in lenses.items()
-    }
-    by = "films" if films else str(options.shots or ("time" if options.tolerance else "name"))
-    refine_target = options.refine_target or "auto"
-    frames: list[ShotFrame] = []
-    loaded, moving = {}, {}
-    with room_for_frames(place / "frames") as room:
-        if films:
-            frames = rig_frames(
-                dict(zip(called, inputs, strict=True)),
-                place / "frames",
-                room,
-                source.load(),
-                run,
-                plan,
-                most=options.most or MOST,
-                tolerance=options.tolerance,
-            )
-        with keeping_frames(frames, place / "frames"):
-            for name, path in zip(called, inputs, strict=True):
-                listener.tell(Event.CAMERA, name=name, path=path)
-                shown = [frame for frame in frames if frame.camera == name]
-                photos = [frame.picture for frame in shown] or [path]
-                loaded[name], camera = load_camera_inputs(photos, source, run)
-                if camera is not None:
-                    known.setdefault(name, camera)
-                if shown:
-                    moving[name] = moving_corners(shown, loaded[name].pairs, listener)
-            first = loaded[called[0]]
-            rows = [(one.shot, one.camera, one.picture.name) for one in frames]
-            rig = calibrate_rig(
-                {name: own.given for name, own in loaded.items()},
-                first.pairs.target,
-                shots=rows or (load_shots(Path(options.shots)) if options.shots else by),
-                tolerance=options.tolerance or TOLERANCE,
-                times=None if options.times is None else load_times(Path(options.times), called),
-                moving=moving,
-                known=known,
-                hold_lenses=options.hold_lenses,
-                refine_target=refine_target,
-                listener=listener,
-            )
-            files = [file for own in loaded.values() for file in own.files]
-            asked_for = {
-                "hold_lenses": options.hold_lenses,
-                "refine_target": refine_target,
-                "shots": by,
-            }
-            made_by = run.made_by(asked_for, first.target_file, files)
-            listener.progress("Writing")
-            written = save_rig(place, rig, made_by=made_by, overwrite=run.overwrite)
-            for path, own in zip(corners, loaded.values(), strict=True):
-                save_corners(path, own.pairs, overwrite=run.overwrite)
-            for page in pages:
-                write_rig_page(load_rig(written[0]), page, run)
-    return RigFiles(rig=rig, files=[*written, *corners, *pages])
+    with_page = options.report and not extra.missing(extra.REPORT)
+    plan = _RigPlan(
+        options=options,
+        cameras=cameras,
+        lenses=lenses,
+        target=target,
+        are_films=bool(films),
+        folder=folder,
+        page=folder / PAGE if with_page else None,
+        register=Plan(run).reads(read_for(inputs), target, options.shots, options.times, lenses),
+    )
+    pages = [] if plan.page is None else [plan.page]
+    own_files = [folder / name / "camera.yaml" for name in cameras]
+    refined = [] if options.refine_target == "off" else [folder / CALIBRATION_FILES["target"]]
+    plan.register.writes(folder / "rig.yaml", *pages, *own_files, *plan.corners.values(), *refined)
+    return plan
 
 
 def _refuse_unused(options: RigOptions, inputs: Sequence[Path], films: Sequence[Path]) -> None:
@@ -260,43 +266,106 @@ def _refuse_unused(options: RigOptions, inputs: Sequence[Path], films: Sequence[
         raise UsageError(f"--shots {options.shots} says what is a shot: leave --tolerance out")
 
 
-def _name_lenses(
-    lenses: Mapping[str, Calibrated | StrPath] | Sequence[Path], called: Sequence[str]
-) -> Mapping[str, Calibrated | Path]:
-    """Cameras that are calibrated already, or their files, by name."""
-    if not isinstance(lenses, Mapping):  # left=left_calibration
-        lenses = {name: path for name, _, path in (str(one).partition("=") for one in lenses)}
-    for name in lenses:
-        if name not in called:
-            raise UsageError(
-                f"--lens {quoted(name)} names no camera: write NAME=FILE with one of "
-                f"{', '.join(called)}"
-            )
-    return {
-        name: in_folder(Path(one)) if isinstance(one, str | os.PathLike) else one
-        for name, one in lenses.items()
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Seen:
+    """What the cameras saw.
+
+    Attributes:
+        inputs: of each camera by name, its corners or points.
+        lenses: of those that are calibrated already.
+        frames: of films, those that were chosen.
+        motion: of films, how corners move.
+
+    """
+
+    inputs: Mapping[str, Inputs]
+    lenses: Mapping[str, Calibration | CameraFile]
+    frames: Sequence[ShotFrame]
+    motion: Mapping[str, CornerMotion]
+
+
+def _observe(plan: _RigPlan, run: Run) -> _Seen:
+    from cubicfish import load_camera
+    from cubicfish_cli.extensions.rigs.films import keeping_frames, measure_motion, rig_frames
+    from cubicfish_cli.extensions.rigs.inputs import load_camera_inputs
+    from cubicfish_cli.films.scan import room_for_frames
+
+    lenses: dict[str, Calibration | CameraFile] = {
+        name: load_camera(one) if isinstance(one, Path) else one
+        for name, one in plan.lenses.items()
     }
+    inputs, motion = {}, {}
+    frames: list[ShotFrame] = []
+    with room_for_frames(plan.frames) as room:
+        if plan.are_films:
+            frames = rig_frames(
+                plan.cameras,
+                plan.frames,
+                room,
+                plan.target.load(),
+                run,
+                plan.register,
+                most=plan.options.most or MOST,
+                tolerance=plan.options.tolerance,
+            )
+        with keeping_frames(frames, plan.frames):
+            for name, path in plan.cameras.items():
+                run.listener.tell(Event.CAMERA, name=name, path=path)
+                shown = [frame for frame in frames if frame.camera == name]
+                photos = [frame.picture for frame in shown] or [path]
+                inputs[name], camera = load_camera_inputs(photos, plan.target, run)
+                if camera is not None:
+                    lenses.setdefault(name, camera)
+                if shown:
+                    motion[name] = measure_motion(shown, inputs[name].pairs, run.listener)
+    return _Seen(inputs=inputs, lenses=lenses, frames=frames, motion=motion)
 
 
-def _name_cameras(inputs: Sequence[Path], given: str | None) -> list[str]:
-    """What the cameras are called."""
-    from cubicfish.rigs.rig import refuse_name
-    from cubicfish_cli.extensions.rigs.inputs import named_by
+def _fit(plan: _RigPlan, seen: _Seen, run: Run) -> Rig:
+    from cubicfish import calibrate_rig
+    from cubicfish.rigs import load_shots, load_times
 
-    if len(inputs) < 2:
-        raise UsageError("name two cameras or more: a folder of photos each, or a corners.csv")
-    names = [*map(named_by, inputs)] if given is None else [*map(str.strip, given.split(","))]
-    if len(names) != len(inputs):
-        named = plural(len(names), "name")
-        raise UsageError(f"--names has {named}, and there are {len(inputs)} cameras")
-    if len(set(names)) < len(names) or not all(names):
-        raise UsageError(
-            f"the cameras would be called {', '.join(names)}: give each a name of its own with "
-            "--names"
-        )
-    for name in names:
-        refuse_name(name, "camera", UsageError)
-    return names
+    options, first = plan.options, next(iter(seen.inputs.values()))
+    rows = [(one.shot, one.camera, one.picture.name) for one in seen.frames]
+    if options.shots is not None:
+        rows = load_shots(Path(options.shots))
+    times = None
+    if options.times is not None:
+        times = load_times(Path(options.times), list(plan.cameras))
+    rig = calibrate_rig(
+        {name: own.given for name, own in seen.inputs.items()},
+        first.pairs.target,
+        shots=rows or plan.matching,
+        tolerance=options.tolerance,
+        times=times,
+        moving=seen.motion,
+        known=seen.lenses,
+        hold_lenses=options.hold_lenses,
+        refine_target=plan.refine_target,
+        listener=run.listener,
+    )
+    asked_for = {
+        "hold_lenses": options.hold_lenses,
+        "refine_target": plan.refine_target,
+        "shots": plan.matching,
+    }
+    files = [file for own in seen.inputs.values() for file in own.files]
+    return replace(rig, made_by=run.made_by(asked_for, first.target_file, files))
+
+
+def _make_contents(plan: _RigPlan, rig: Rig, seen: _Seen, run: Run) -> dict[Path, Content]:
+    """The contents of all files, rig.yaml first: it is written last."""
+    from cubicfish_cli.stages import corners_content
+
+    contents: dict[Path, Content] = {plan.folder / name: text for name, text in rig.texts().items()}
+    for name, path in plan.corners.items():
+        contents[path] = corners_content(seen.inputs[name].pairs)
+    if plan.page is not None:
+        from cubicfish_cli.extensions.rigs.page import rig_html
+
+        run.listener.progress("Making the report")
+        contents[plan.page] = rig_html(rig)
+    return contents
 
 
 @as_command(
@@ -320,7 +389,7 @@ def command(made: RigFiles, given: RigOptions, how: How) -> None:
     """
     printed = how.print(made)
     for finding in made.rig.fit.findings:
-        print_message(f"{mark_of(finding)}: {finding.line}")
+        print_message(f"{mark_of(finding)}: {render(finding).line}")
     if not printed:
         apart()
         print_rig(made.rig)

@@ -15,7 +15,7 @@ from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_table, result
 
 if TYPE_CHECKING:
-    from cubicfish.rigs.compare import ComparedCamera
+    from cubicfish.rigs import ComparedCamera
 
 
 @record

@@ -60,13 +60,12 @@ def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = Run()) -> RigE
 
     """
     from cubicfish import evaluate_rig, load_rig
-    from cubicfish.judge.fit_record import origin_of
-    from cubicfish.rigs.rig import REFINED, rig_file
-    from cubicfish.rigs.shots import load_times, owners_of
+    from cubicfish.rigs import load_times
+    from cubicfish_cli.core_table import CALIBRATION_FILES
     from cubicfish_cli.extensions.rigs.inputs import check_camera_inputs, load_camera_inputs
+    from cubicfish_cli.extensions.rigs.naming import owners_of
 
-    model, inputs = rig_file(options.rig), paths_of(options.cameras)
-    known = load_rig(model)
+    known, inputs = load_rig(options.rig), paths_of(options.cameras)
     names = [one.name for one in known.cameras]
     own = owners_of(inputs, names)
     if len(set(own)) < max(2, len(own)):
@@ -80,8 +79,8 @@ def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = Run()) -> RigE
         name: load_camera_inputs([one], source, run)[0]
         for name, one in zip(own, inputs, strict=True)
     }
-    first, nominal = loaded[own[0]], origin_of(known.made_by).target
-    refined, given = model.with_name(REFINED), first.target_file
+    first, nominal = loaded[own[0]], known.origin.target
+    refined, given = known.files[0].with_name(CALIBRATION_FILES["target"]), first.target_file
     if nominal and given and given.sha256 == nominal.sha256 and refined.is_file():
         run.listener.tell(Event.MEASURED_AS_DRAWN, refined=refined)
     run.listener.progress("Placing shots")

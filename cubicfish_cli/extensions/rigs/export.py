@@ -15,7 +15,9 @@ from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
 
 if TYPE_CHECKING:
+    from cubicfish import Rig
     from cubicfish_cli.commands.export import ExportedFiles
+    from cubicfish_cli.extension_table import CameraFormat
 
 _HELP = """Write a rig for another tool: each camera's lens with its place on the body.
 
@@ -56,50 +58,55 @@ def export_rig_files(options: RigExportOptions, *, run: Run = Run()) -> Exported
 
     """
     from cubicfish import load_rig
-    from cubicfish.rigs.rig import rig_file, rig_files
     from cubicfish_cli.commands.export import ExportedFiles
     from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, printed
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
 
-    to, max_error = options.to, MAX_ERROR if options.max_error is None else options.max_error
-    path = rig_file(options.rig)
-    known = load_rig(path)
+    max_error = MAX_ERROR if options.max_error is None else options.max_error
+    known = load_rig(options.rig)
     chosen = known.cameras if options.pair is None else tuple(map(known.camera, options.pair))
-    formats = written_formats()
-    if to not in formats or not formats[to].write_rig:
-        first = path.parent / known.cameras[0].path
-        raise UsageError(
-            f"--to {to} holds one camera: write each with 'cubicfish export {first} --to {to}', or "
-            "choose one of " + ", ".join(name for name, made in formats.items() if made.write_rig)
-        )
+    to, write_as = options.to, _find_format(options.to, known)
     run.listener.progress("Fitting the other lenses")
-    goal = Path(options.output or formats[to].rig_name)
-    made = []
+    goal, made = Path(options.output or write_as.rig_name), []
     for one in chosen:
         try:
             own = export_camera(one, to, max_error=max_error, max_angle_deg=options.max_angle_deg)
         except FitError as problem:
             raise FitError(f"camera {one.name}: {problem}") from problem
         made.append((one, own))
-    write = Place(formats[to].extension, formats[to].write_rig).load()
+    write = Place(write_as.extension, write_as.write_rig).load()
     text = write(lens_rig(known, made))
     texts = {goal: text} if isinstance(text, str) else {goal / n: one for n, one in text.items()}
-    Plan(run).reads(rig_files(path, known)).writes(*texts)
+    Plan(run).reads(known.files).writes(*texts)
     written = write_files(texts, overwrite=run.overwrite, folder=goal)
-    lines, warnings = [], []
+    lines: list[str] = []
     for one, lens in made:
         lines.append(f"{one.name}: {lens.note[1]}")
         lines += [f"  {printed(line, *texts.values())}" for line in lens.note[2:]]
-        warning = lens.warning(max_error)
-        if warning is not None:
-            warnings.append(f"camera {one.name}: {warning}")
+    warnings = [(one.name, lens.warning(max_error)) for one, lens in made]
     records = [{"name": one.name, **lens.as_record()} for one, lens in made]
     return ExportedFiles(
         files=written,
         record={"files": written, "format": to, "cameras": records},
         lines=tuple(lines),
-        warnings=tuple(warnings),
+        warnings=tuple(f"camera {name}: {text}" for name, text in warnings if text is not None),
     )
+
+
+def _find_format(to: str, rig: Rig) -> CameraFormat:
+    """The format of a name that holds rigs.
+
+    Raises:
+        UsageError: there is none.
+
+    """
+    formats = {name: made for name, made in written_formats().items() if made.write_rig}
+    if to not in formats:
+        raise UsageError(
+            f"--to {to} holds one camera: write each with 'cubicfish export {rig.files[1]} --to "
+            f"{to}', or choose one of {', '.join(formats)}"
+        )
+    return formats[to]
 
 
 @as_command(

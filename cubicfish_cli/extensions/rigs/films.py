@@ -6,8 +6,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from cubicfish import (
     CubicfishError,
@@ -19,10 +21,10 @@ from cubicfish import (
     Run,
     Target,
 )
-from cubicfish.files import Content, FrameName, csv_text, write_files
+from cubicfish.files import Content, FrameName, Table, write_files
 from cubicfish.observe import find_corners
-from cubicfish.photos import Photo, read_grey
-from cubicfish.rigs.times import CornerMotion
+from cubicfish.photos import Photo
+from cubicfish.rigs import CornerMotion
 from cubicfish_cli.extensions.rigs.film_clocks import FilmMotion, match_films
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out
 from cubicfish_cli.films.choose import Seen, choose_shots
@@ -57,7 +59,7 @@ class ShotFrame:
     seconds: tuple[float, float]
 
 
-def moving_corners(
+def measure_motion(
     frames: Sequence[ShotFrame], pairs: Observations, listener: Listener
 ) -> CornerMotion:
     """How the corners move that were found in a camera's frames."""
@@ -66,13 +68,17 @@ def moving_corners(
     for number, image in enumerate(pairs.images):
         progress(number, len(pairs.images))
         frame, pixel = frame_of[Path(image).name], pairs.pixel[pairs.image == number]
-        picture = read_grey(frame.picture)
+        picture = _grey_of(frame.picture)
         ways = [
-            None if one is None else flow(picture, read_grey(one), pixel) for one in frame.beside
+            None if one is None else flow(picture, _grey_of(one), pixel) for one in frame.beside
         ]
         moving = CornerMotion.between(ways[0], ways[1], frame.seconds)
         parts.append(replace(moving, late=np.full(len(pixel), frame.late)))
     return CornerMotion.joined(parts)
+
+
+def _grey_of(path: Path) -> npt.NDArray[Any]:
+    return Photo(name=path.name, path=path).read_grey()
 
 
 @contextmanager
@@ -83,8 +89,8 @@ def keeping_frames(frames: Sequence[ShotFrame], folder: Path) -> Iterator[None]:
     except CubicfishError as error:
         if not frames:
             raise
-        raise type(error)(
-            f"{error}; the chosen frames stay in {folder}: go on from its folders with '--shots "
+        raise error.amid(
+            after=f"; the chosen frames stay in {folder}: go on from its folders with '--shots "
             f"{folder / 'shots.csv'}'"
         ) from error
 
@@ -184,7 +190,7 @@ def _choose(
             step = f"Finding corners in {name}"
             detection = find_corners(photos, targets, run, again=False, step=step)
         except DetectionError as error:
-            raise DetectionError(f"camera {name}: no frame can be chosen: {error}") from error
+            raise error.amid(f"camera {name}: no frame can be chosen: ") from error
         patches = Found.of(detection).patches
         for row, index, photo in zip(rows, frames, photos, strict=True):
             shots[row][column] = Seen(
@@ -245,7 +251,7 @@ def _write(
     plan.writes(*sources, within=folder)
     table = folder / "shots.csv"
     rows = [(one.shot, one.camera, one.picture.name) for one in frames]
-    files: dict[Path, Content] = {table: csv_text([("shot", "camera", "image"), *rows])}
+    files: dict[Path, Content] = {table: Table.text([("shot", "camera", "image"), *rows])}
     files |= {path: partial(shutil.copyfile, source) for path, source in sources.items()}
     write_files(files, overwrite=overwrite, folder=folder)
     return frames

@@ -51,10 +51,9 @@ def info_rig_files(options: RigInfoOptions, *, run: Run = Run()) -> RigInfo:
 
     """
     from cubicfish import load_rig
-    from cubicfish.rigs.rig import rig_file
 
-    path = rig_file(options.rig)
-    return RigInfo(model=path, rig=load_rig(path))
+    rig = load_rig(options.rig)
+    return RigInfo(model=rig.files[0], rig=rig)
 
 
 @as_command(

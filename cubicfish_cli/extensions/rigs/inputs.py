@@ -1,31 +1,14 @@
-"""What the cameras of a rig are called by their files, and what is read of each."""
+"""What is read of each camera of a rig."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
-from glob import has_magic
 from pathlib import Path
 
 from cubicfish import CameraFile, CorrespondenceError, Run, load_camera
 from cubicfish.files import Fingerprint
-from cubicfish.photos.photos import VIDEO_SUFFIXES
-from cubicfish_cli.films.recordings import label_of
-from cubicfish_cli.inputs.paths import check_inputs, is_recording, tables_among
+from cubicfish_cli.inputs.paths import check_inputs, kind_of_inputs
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.observe import Inputs, load_inputs
-
-
-def named_by(path: Path) -> str:
-    """What a camera is called by where its photos are, or its calibration is."""
-    path = path.absolute()
-    path = path.parent if path.name in ("corners.csv", "camera.yaml") else path
-    if is_recording(path):
-        return label_of(path)
-    if has_magic(path.name) and not path.exists():  # left*.png, or left/*.png
-        begin = re.split(r"[*?[]", path.name)[0].rstrip("_-. ")
-        return begin or path.parent.name
-    suffix = path.suffix.lower()
-    return path.stem if suffix == ".csv" or suffix in VIDEO_SUFFIXES else path.name
 
 
 def check_camera_inputs(cameras: Sequence[Path], target: TargetSource, run: Run) -> bool:
@@ -40,9 +23,10 @@ def check_camera_inputs(cameras: Sequence[Path], target: TargetSource, run: Run)
 
     """
     inputs = [_find_model_and_corners(path)[1] for path in cameras]
-    searched = len(tables_among(inputs)) < len(inputs)
-    of_pairs = [check_inputs([one], target, Run() if searched else run) for one in inputs]
-    return any(of_pairs)
+    kinds = [kind_of_inputs([one]) for one in inputs]
+    for kind, one in zip(kinds, inputs, strict=True):
+        check_inputs(kind, [one], target, Run() if "photos" in kinds else run)
+    return "points" in kinds
 
 
 def is_calibrated(path: Path) -> bool:
@@ -75,7 +59,8 @@ def load_camera_inputs(
 ) -> tuple[Inputs, CameraFile | None]:
     """One camera's pairs, and its lens where it is calibrated already."""
     model, first = _find_model_and_corners(sources[0])
-    loaded = load_inputs([first, *sources[1:]], target, run)
+    inputs = [first, *sources[1:]]
+    loaded = load_inputs(kind_of_inputs(inputs), inputs, target, run)
     run.listener.found(loaded.photo_findings)
     if model is None:
         return loaded, None

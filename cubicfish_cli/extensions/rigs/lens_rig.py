@@ -6,13 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from cubicfish import Rig, ViewError, build_view, rectify
-from cubicfish.models import cone_rays
 from cubicfish.rigs import RigCamera
-from cubicfish.views import sees
 from cubicfish_cli.commands.exporting import Exported
 from cubicfish_cli.foreign.file_contents import FlatPair, LensRig, PlacedLens
-
-_OVERLAP_RAYS = 2000
 
 
 def lens_rig(rig: Rig, converted: Sequence[tuple[RigCamera, Exported]]) -> LensRig:
@@ -27,7 +23,7 @@ def lens_rig(rig: Rig, converted: Sequence[tuple[RigCamera, Exported]]) -> LensR
     return LensRig(
         lenses=tuple(_place_lens(camera, lens) for camera, lens in converted),
         units=rig.units,
-        overlaps=np.array([[a is not b and _do_overlap(a, b) for b in cameras] for a in cameras]),
+        overlaps=np.array([[a is not b and a.overlaps(b) for b in cameras] for a in cameras]),
         flat=_make_flat(rig, converted) if len(converted) == 2 else None,
     )
 
@@ -40,13 +36,6 @@ def _place_lens(camera: RigCamera, lens: Exported) -> PlacedLens:
         rotation=turn @ camera.rotation,
         translation=turn @ camera.translation,
     )
-
-
-def _do_overlap(first: RigCamera, second: RigCamera) -> bool:
-    """Whether two cameras see some far thing both."""
-    rays = cone_rays(np.deg2rad(first.camera.max_angle_deg), _OVERLAP_RAYS)
-    own = rays[sees(first.camera, rays)]
-    return bool(sees(second.camera, own @ first.rotation @ second.rotation.T).any())
 
 
 def _make_flat(rig: Rig, converted: Sequence[tuple[RigCamera, Exported]]) -> FlatPair | None:

@@ -94,21 +94,19 @@ def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
 
     from cubicfish import load_rig, rectify
     from cubicfish.files.plain_yaml import plain_yaml_text
-    from cubicfish.rigs.rig import rig_file, rig_files
     from cubicfish.views import CentralView, ChosenView, MapInBands, choose_view, sees
     from cubicfish_cli.undistortion.map_formats import camera_path, map_paths
 
     goal, photo_size = Path(options.output), options.photo_size
     map_paths(goal)  # its name is refused first
     view = _describe_row_aligned(options.view)
-    path = rig_file(options.rig)
-    loaded = load_rig(path)
+    loaded = load_rig(options.rig)
     both = options.pair or tuple(one.name for one in loaded.cameras)
     if len(both) != 2:
         raise CameraFileError(f"name two of the rig's cameras with --pair: {', '.join(both)}")
     about = goal.with_suffix(".stereo.yaml")
     plan = map_paths(goal, both)
-    register = Plan(run).reads(rig_files(path, loaded))
+    register = Plan(run).reads(loaded.files)
     register.writes(*files_of(plan), about, *(camera_path(goal, one) for one in both))
     between = rectify(loaded, *both)
     if photo_size is not None:
@@ -139,7 +137,7 @@ def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
     }
     more = {about: plain_yaml_text(about_pair)}
     return PairMapFiles(
-        model=path,
+        model=loaded.files[0],
         own=files_of(plan),
         written=write_maps(plan, maps, goal, run, more),
         image_size=between.image_size,

@@ -7,7 +7,7 @@ import numpy as np
 
 from cubicfish import Rig
 from cubicfish.judge import Severity
-from cubicfish.judge.fit_record import origin_of
+from cubicfish.judge.verdict import LEVELS
 from cubicfish_cli.render.pages.figures import (
     BOARD_COLOURS,
     Drawn,
@@ -18,7 +18,7 @@ from cubicfish_cli.render.pages.figures import (
 )
 from cubicfish_cli.render.pages.plot import INK, MUTED, Space
 from cubicfish_cli.render.pages.template import day_of, template
-from cubicfish_cli.words.camera import LEVELS
+from cubicfish_cli.words.sentences import render
 
 _MOST_SHOTS = 20
 COLOURS = (*BOARD_COLOURS, "#56b4e9", MUTED, INK)
@@ -37,13 +37,14 @@ def rig_html(rig: Rig) -> str:
     return template(Path(__file__).with_name("page.html")).render(
         verdict=rig.verdict,
         words=LEVELS,
-        notes=[one.line for one in rig.fit.findings if one.severity is Severity.NOTE],
+        render=render,
+        notes=[render(one).line for one in rig.fit.findings if one.severity is Severity.NOTE],
         rig=rig,
         colours=colours,
         figures={figure.name: figure},
         worst=sorted(known, key=lambda one: -one.rms_px)[:_MOST_SHOTS],
-        made=origin_of(rig.made_by),
-        day=day_of(origin_of(rig.made_by)),
+        made=rig.origin,
+        day=day_of(rig.origin),
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from cubicfish_cli.terminal.figures import print_errors, print_verdict, px
@@ -13,7 +12,6 @@ from cubicfish_cli.words.phrases import plural
 if TYPE_CHECKING:
     from cubicfish import Rig
     from cubicfish.rigs import RigEvaluation
-    from cubicfish.rigs.rig import CameraPair
 
 
 _WORST = 10
@@ -46,7 +44,7 @@ def print_rig(rig: Rig) -> None:
             for one in rig.cameras
         ],
     )  # fmt: skip
-    print_pairs(rig.pairs)
+    _print_pairs(rig)
     worst = sorted(fit.per_shot, key=lambda one: -one.rms_px)[:_WORST]
     result()
     print_table(
@@ -57,12 +55,12 @@ def print_rig(rig: Rig) -> None:
     print_verdict(rig.verdict)
 
 
-def print_pairs(pairs: Sequence[CameraPair]) -> None:
+def _print_pairs(rig: Rig | RigEvaluation) -> None:
     """Print what connects every two cameras."""
     result()
     print_table(
         ("cameras", "shots in common", "RMS px"),
-        [(" + ".join(one.cameras), str(one.shots), px(one.rms_px)) for one in pairs],
+        [(" + ".join(one.cameras), str(one.shots), px(one.rms_px)) for one in rig.pairs],
     )
 
 
@@ -80,4 +78,4 @@ def print_evaluation(evaluation: RigEvaluation) -> None:
             for one in evaluation.cameras
         ],
     )
-    print_pairs(evaluation.pairs)
+    _print_pairs(evaluation)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
-
 from cubicfish import Run
 from cubicfish.files import StrPath, write_files
 from cubicfish_cli.extensions.rigs.options import rig_argument
@@ -17,9 +14,6 @@ from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import print_report
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
-
-if TYPE_CHECKING:
-    from cubicfish import Rig
 
 
 @record
@@ -47,28 +41,15 @@ def report_rig_files(options: RigReportOptions, *, run: Run = Run()) -> ReportFi
 
     """
     from cubicfish import load_rig
-    from cubicfish.rigs.rig import rig_file, rig_files
-
-    extra.require(extra.REPORT, "a report")
-    model = rig_file(options.rig)
-    path = path_or_none(options.page) or model.parent / PAGE
-    rig = load_rig(model)
-    Plan(run).reads(rig_files(model, rig)).writes(path)
-    write_rig_page(rig, path, run)
-    return ReportFiles(page=path, model=model, verdict=rig.verdict)
-
-
-def write_rig_page(rig: Rig, page: Path, run: Run) -> None:
-    """Write the page about a rig.
-
-    Raises:
-        OutputError: the page is there, or cannot be written.
-
-    """
     from cubicfish_cli.extensions.rigs.page import rig_html
 
+    extra.require(extra.REPORT, "a report")
+    rig = load_rig(options.rig)
+    path = path_or_none(options.page) or rig.files[0].parent / PAGE
+    Plan(run).reads(rig.files).writes(path)
     run.listener.progress("Making the report")
-    write_files({page: rig_html(rig)}, overwrite=run.overwrite)
+    write_files({path: rig_html(rig)}, overwrite=run.overwrite)
+    return ReportFiles(page=path, model=rig.files[0], verdict=rig.verdict)
 
 
 @as_command(

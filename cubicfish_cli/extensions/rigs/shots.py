@@ -5,12 +5,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy.typing as npt
+
 from cubicfish import Listener, UndistortMap, ViewError
-from cubicfish.photos import Picture
 from cubicfish.photos.photos import natural_key, photo_size
-from cubicfish.rigs.shots import owners_of, shots_by_name
+from cubicfish.rigs import match_shots
 from cubicfish.views import ChosenView, Interpolation
-from cubicfish_cli.extensions.rigs.mosaic import Body, Mosaic, mosaic_of
+from cubicfish_cli.extensions.rigs.naming import owners_of
+from cubicfish_cli.extensions.rigs.panorama import Body, Panorama, build_panorama
 from cubicfish_cli.inputs.paths import named_photos
 from cubicfish_cli.undistortion.batch import MAKING, Job, Size, Views
 
@@ -32,7 +34,7 @@ class RigViews(Views):
         """
         self._body, self.interpolation = body, interpolation
         self._view = replace(view, camera=None)  # what several see belongs to none
-        self._joined: Mosaic | None = None
+        self._joined: Panorama | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Travel without the maps, which are quicker made than sent."""
@@ -44,17 +46,19 @@ class RigViews(Views):
 
     def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:
         """For what its view and its valid pixels tell: it maps nothing."""
-        return {"": self._make_mosaic().whole_map}
+        return {"": self._make_panorama().whole_map}
 
-    def __call__(self, job: Job, photos: Mapping[str, Picture]) -> dict[str, Picture]:
+    def __call__(
+        self, job: Job, photos: Mapping[str, npt.NDArray[Any]]
+    ) -> dict[str, npt.NDArray[Any]]:
         """The picture of a shot."""
-        return {"": self._make_mosaic().render(photos, self.interpolation)[0]}
+        return {"": self._make_panorama().render(photos, self.interpolation)[0]}
 
-    def _make_mosaic(self) -> Mosaic:
+    def _make_panorama(self) -> Panorama:
         """Made once, from any thread."""
         with MAKING:
             if self._joined is None:
-                self._joined = mosaic_of(self._body, self._view.first)
+                self._joined = build_panorama(self._body, self._view.first)
             return self._joined
 
 
@@ -91,21 +95,28 @@ def shots_of(
         FitError: a camera's photos would be of one shot twice.
 
     """
+    photos = _photos_by_camera(sources, cameras, listener)
+    if all(len(own) == 1 for own in photos.values()):
+        first = next(iter(photos.values()))[0]
+        return {first.stem: {name: own[0] for name, own in photos.items()}}
+    if len(photos) == 1:
+        ((name, own),) = photos.items()
+        return {path.stem: {name: path} for path in own}
+    matched = match_shots({name: list(map(str, own)) for name, own in photos.items()}, "name")
+    shots: dict[str, dict[str, Path]] = {}
+    for name, index_of in zip(photos, matched.photos, strict=True):
+        for photo, index in index_of.items():
+            shots.setdefault(matched.names[index], {})[name] = Path(photo)
+    return dict(sorted(shots.items(), key=lambda item: natural_key(item[0])))
+
+
+def _photos_by_camera(
+    sources: Sequence[Path], cameras: Sequence[str], listener: Listener
+) -> dict[str, list[Path]]:
+    """The photos of each camera that has any, in the cameras' order."""
     inside = [path / name for path in sources for name in cameras if (path / name).is_dir()]
     paths = inside if inside and len(sources) == 1 else list(sources)
     photos: dict[str, list[Path]] = {name: [] for name in cameras}
     for path, owner in zip(paths, owners_of(paths, cameras), strict=True):
         photos[owner] += [photo.path for photo in named_photos([path], listener)]
-    there = {name: own for name, own in photos.items() if own}
-    if all(len(own) == 1 for own in there.values()):
-        one = next(iter(there.values()))[0].stem
-        return {one: {name: own[0] for name, own in there.items()}}
-    if len(there) == 1:
-        ((name, own),) = there.items()
-        return {path.stem: {name: path} for path in own}
-    matched = shots_by_name({name: list(map(str, own)) for name, own in there.items()})
-    shots: dict[str, dict[str, Path]] = {}
-    for name, index_of in zip(there, matched.photos, strict=True):
-        for photo, index in index_of.items():
-            shots.setdefault(matched.names[index], {})[name] = Path(photo)
-    return dict(sorted(shots.items(), key=lambda item: natural_key(item[0])))
+    return {name: own for name, own in photos.items() if own}

@@ -87,19 +87,17 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = Run()) -> Un
 
     """
     from cubicfish import load_rig
-    from cubicfish.rigs.rig import rig_file, rig_files
     from cubicfish.views import choose_view
     from cubicfish_cli.commands.pictures import plan_pictures, write_pictures
-    from cubicfish_cli.extensions.rigs.mosaic import Body
+    from cubicfish_cli.extensions.rigs.panorama import Body
     from cubicfish_cli.extensions.rigs.shots import RigViews, body_for_photos, shots_of
 
-    model = rig_file(options.rig)
-    known = load_rig(model)
+    known = load_rig(options.rig)
     names, sources = [one.name for one in known.cameras], paths_of(named_sources(options.photos))
     shots = shots_of(sources, names, run.listener)
     suffix = next(iter(next(iter(shots.values())).values())).suffix
     jobs = {name: (f"{name}{suffix}", own) for name, own in shots.items()}
-    register = Plan(run, skip_existing=options.skip_existing).reads(rig_files(model, known))
+    register = Plan(run, skip_existing=options.skip_existing).reads(known.files)
     alone = len(shots) == 1
     plan = plan_pictures("shot", jobs, Path(options.output), options, run, register, alone=alone)
     view = options.view or ViewOptions()
@@ -107,7 +105,7 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = Run()) -> Un
         view = replace(view, kind="equirectangular")
     body = body_for_photos(Body(cameras=known.cameras, distance=options.distance), shots)
     views = RigViews(body, choose_view(body, view), options.interpolation)
-    return write_pictures(plan, views, model=model)
+    return write_pictures(plan, views, model=known.files[0])
 
 
 @as_command(

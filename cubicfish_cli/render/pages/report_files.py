@@ -30,5 +30,7 @@ class ReportFiles:
 
     def as_record(self) -> dict[str, Any]:
         """Return plain data: what ``cubicfish report --json`` prints."""
+        from cubicfish_cli.words.camera import verdict_record
+
         named = {"report": str(self.page), "model": str(self.model)}
-        return {**named, "verdict": self.verdict.as_record(), "absent": self.absent}
+        return {**named, "verdict": verdict_record(self.verdict), "absent": self.absent}

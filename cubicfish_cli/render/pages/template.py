@@ -7,7 +7,7 @@ from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 
-from cubicfish.judge.fit_record import Origin
+from cubicfish.judge import Origin
 
 _LONGEST_TEXT = 1000
 _IMAGES = ("data:image/jpeg;base64,", "data:image/svg+xml;base64,")

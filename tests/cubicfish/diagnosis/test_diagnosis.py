@@ -52,6 +52,7 @@ from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
 from cubicfish.wording import listed
 from cubicfish_cli.words.phrases import percent
+from cubicfish_cli.words.sentences import render
 
 TARGET = wrong.corner_of_half_a_metre()
 NINE_BY_SIX = Target(units="mm", boards=(synthetic.checkerboard("board", 9, 6, 30.0),))
@@ -93,15 +94,15 @@ def test_a_finding_is_one_line_and_plain_data():
     finding = Finding(
         code=Code.ZOOM, severity=Severity.BAD, images=("a",), because="own_lens", figures=figures
     )
-    assert finding.line == (
+    assert render(finding).line == (
         "the focal length is +5 % from a on: zoom or focus changed, or photos of two cameras are "
         "mixed (by themselves they fit a lens of their own to 0.10 px); calibrate each setting and "
         "camera by itself, with zoom and focus locked"
     )
     assert finding.as_record() == {
         "cause": "zoom", "code": "zoom", "case": "", "level": "bad", "severity": "bad",
-        "remedy": "separate_photos", "what": finding.what, "evidence": finding.evidence,
-        "do": finding.do, "images": ["a"], "boards": [], "figures": figures,
+        "remedy": "separate_photos", "what": str(finding), "evidence": "", "do": "",
+        "images": ["a"], "boards": [], "figures": figures,
     }  # fmt: skip
 
 
@@ -510,12 +511,12 @@ def test_how_a_lens_differs_is_named(exact, ratio, shift, cause, words):
         for in_order in (True, False)
     ]
     assert [one.code for one in reported] == [cause] * 2
-    assert all(words in one.what for one in reported)
-    assert "from a.png on" in reported[0].what
-    assert "in a.png and b.png, compared with c.png and d.png" in reported[1].what
-    assert ("bumped or moved" in reported[0].what) == (cause == "shifted")
+    assert all(words in render(one).what for one in reported)
+    assert "from a.png on" in render(reported[0]).what
+    assert "in a.png and b.png, compared with c.png and d.png" in render(reported[1]).what
+    assert ("bumped or moved" in render(reported[0]).what) == (cause == "shifted")
     # Two cameras of one make differ like this too, and their photos come one after the other.
-    assert cause in ("turned", "scaled") or all("camera" in one.what for one in reported)
+    assert cause in ("turned", "scaled") or all("camera" in render(one).what for one in reported)
 
 
 def test_photos_that_were_left_out_show_their_own_lens(pairs):
@@ -524,7 +525,7 @@ def test_photos_that_were_left_out_show_their_own_lens(pairs):
     names = [f"{number}.png" for number in range(8)]
     found = left_out_lens(LENS, replace(others, images=tuple(names)), 0.1, order=["x", *names])
     assert (found.code, found.images) == ("zoom", tuple(names))
-    assert "+30 % from 0.png on" in found.what
+    assert "+30 % from 0.png on" in render(found).what
     assert left_out_lens(LENS, pairs, 0.1, order=["x", *pairs.images]) is None
     # A few photos that were left out say nothing against the camera of the others.
     many = [f"more {number}" for number in range(30)]
@@ -700,7 +701,7 @@ def test_a_few_photos_of_another_camera_make_a_bad_one():
     (found,) = made.findings
     assert (found.code, made.verdict.level) == (Code.SHIFTED, "bad")
     assert set(few) <= set(found.images)
-    assert made.verdict.reasons[0].what == found.what
+    assert render(made.verdict.reasons[0]).what == render(found).what
     assert not found.figures["in_order"]
     assert sorted([*found.images, *found.figures["rest"]]) == names
 
@@ -734,7 +735,7 @@ def test_photos_of_a_camera_of_the_same_kind_are_never_in_a_good_one(name, seed,
         return
     assert made.verdict.level == "bad"
     assert found.code in (Code.SHIFTED, Code.TWO_LENSES)
-    assert "two cameras" in found.what
+    assert "two cameras" in render(found).what
     # The photos of each, whichever is told of: where they are as many, nobody knows whose they are.
     groups = [set(found.images), set(found.figures["rest"])]
     true = [set(names[own].tolist()) for own in (odd, ~odd)]
@@ -818,7 +819,7 @@ def test_two_lenses_among_many_photos_are_named_with_all_of_them(many):
     found = calibrate(zoomed_from(many, 25, 1.02), hold_out=False).findings
     assert [one.code for one in found] == ["zoom"]
     assert found[0].images == many.images[25:]
-    assert "+2 % from 25.png on" in found[0].what
+    assert "+2 % from 25.png on" in render(found[0]).what
 
 
 @pytest.mark.slow
@@ -844,7 +845,7 @@ def test_a_wrong_square_among_many_photos_is_measured_with_all_of_them(many, mon
     found = calibrate(replace(many, world=world), target=drawn, refine_target="off",
                       hold_out=False).findings  # fmt: skip
     assert [one.code for one in found] == ["board_square"]
-    assert "board wall are -0.99 % off" in found[0].what
+    assert "board wall are -0.99 % off" in render(found[0]).what
     assert used == [40]
 
 
@@ -894,7 +895,7 @@ def test_the_board_that_spoils_a_photo_is_named(changed, cause, words):
     fault = board_fault(LENS, one_photo(changed), TARGET, 1.0, 0.1)
     (found,) = board_findings([fault], lambda board, times: False)
     assert (found.code, found.severity) == (cause, "note")
-    assert words in found.what
+    assert words in render(found).what
     assert found.images == ("00.png",)
 
 
@@ -906,7 +907,7 @@ def test_corners_under_another_boards_name():
     fault = board_fault(LENS, replace(pairs, board=board, world=world), TARGET, 1.0, 0.1)
     (found,) = board_findings([fault], lambda board, times: False)
     assert (found.code, found.boards) == ("corner_names", ("wall",))
-    assert "they are of board side" in found.what
+    assert "they are of board side" in render(found).what
 
 
 @pytest.mark.parametrize(
@@ -939,12 +940,12 @@ def test_photos_with_the_same_fault_are_reported_together(changed, cause, of_pho
         return times == 3
 
     found, single = board_findings([*faults, other], lambda board, times: False)
-    assert of_photos in found.what
+    assert of_photos in render(found).what
     assert (found.severity, found.images) == ("note", ("00.png", "01.png", "02.png"))
-    assert "1 column too far" in single.what
+    assert "1 column too far" in render(single).what
     found, single = board_findings([*faults, other], is_usual)
     assert options == [(*fault.boards, 3), ("floor", 1)]
-    assert of_nominal in found.what
+    assert of_nominal in render(found).what
     assert (found.severity, found.code, found.boards) == ("care", cause, fault.boards)
     assert single.severity == "note"
 
@@ -1038,7 +1039,7 @@ def test_photos_that_do_not_go_with_the_others_are_named(points):
     world[moved] = rng.permutation(world[moved])
     (found,) = failed_lens(FailedFit(pairs=replace(points, world=world), target=None))
     assert (found.code, found.images) == ("photo_lens", ("01.png", "06.png"))
-    assert found.what.startswith("01.png and 06.png do not go with the other 6 photos")
+    assert render(found).what.startswith("01.png and 06.png do not go with the other 6 photos")
 
 
 def test_few_of_many_photos_are_tried():

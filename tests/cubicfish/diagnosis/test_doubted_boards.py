@@ -11,6 +11,7 @@ from cubicfish.diagnosis.wrong_nominal import doubted_boards
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.fit_record import Departure
+from cubicfish_cli.words.sentences import render
 
 TARGET = synthetic.corner_of_three()
 NOMINAL = {
@@ -41,8 +42,8 @@ def test_a_board_is_doubted_beyond_what_prints_and_plates_are(
 ) -> None:
     (found,) = doubts(**departs)
     assert (found.code, found.severity, found.boards) == (code, Severity.CARE, ("left",))
-    assert "board left seem" in found.what
-    assert said in found.what
+    assert "board left seem" in render(found).what
+    assert said in render(found).what
     assert doubts(**usual) == []
 
 

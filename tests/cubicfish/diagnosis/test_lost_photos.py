@@ -15,6 +15,7 @@ from cubicfish.target.target import Target
 from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.extensions.simulation.simulate import simulated_photos
 from cubicfish_cli.viewpoints.truth import camera_points
+from cubicfish_cli.words.sentences import render
 from tests.cubicfish.diagnosis.test_another_target import LARGE, ONE, identified, report
 
 
@@ -40,8 +41,10 @@ def test_more_than_a_third_of_the_photos_are_reported(verdict, count, reported):
     for one in found:
         assert (one.code, one.case, one.severity) == (CODES[verdict], "many", Severity.CARE)
         assert one.images == ("0.png", "1.png", "2.png", "3.png")
-        assert one.what.startswith("4 of the 9 photos in which boards were found are left out: ")
-        assert one.do
+        assert render(one).what.startswith(
+            "4 of the 9 photos in which boards were found are left out: "
+        )
+        assert render(one).do
 
 
 def test_photos_that_are_lost_for_several_reasons_are_many_for_none():
@@ -57,14 +60,14 @@ def test_of_a_board_that_is_larger_the_sizes_are_reported():
     sizes = [(11, 8), (8, 11), (11, 8), (14, 12), (9, 7)]
     (reported,) = lost_of([Decided.TOO_LARGE] * 4 + [None], sizes, ONE)
     assert (reported.code, reported.remedy) == (Code.TOO_LARGE, Remedy.CORRECT_TARGET)
-    assert "of 11x8 (in 3) inner corners" in reported.what
+    assert "of 11x8 (in 3) inner corners" in render(reported).what
 
 
 def test_the_largest_grid_says_why_a_photo_is_lost():
     own = [report((3, 5), Decided.SLIDE), report((6, 4), Decided.AMBIGUOUS)]
     remarks = tuple(remark_of("a.png", one) for one in own)
     photo = PhotoReport(name="a.png", remarks=remarks, grids=tuple(own))
-    assert photo.loss.code is Code.AMBIGUOUS
+    assert photo.loss.code == Code.AMBIGUOUS
     some_named = (*own, report((6, 4), Decided.NAMED))
     assert PhotoReport(name="a.png", remarks=remarks, grids=some_named).loss is None
 

@@ -198,7 +198,7 @@ def test_a_board_that_shows_too_little_is_not_blamed():
     seen = evidence(photos("charuco", (4, 6)), drawing("charuco", (4, 6)))
     none = seen.corners.select(np.zeros(len(seen.corners.pixel), bool))
     (reported,) = find_faults(replace(seen, corners=none))
-    assert reported.code is Code.NO_MARKERS
+    assert reported.code == Code.NO_MARKERS
 
 
 @pytest.mark.slow

@@ -21,6 +21,7 @@ from cubicfish.find.identification.name_grids import name_grids
 from cubicfish.target.target import Target
 from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.extensions.simulation.simulate import simulated_photos
+from cubicfish_cli.words.sentences import render
 
 pytestmark = pytest.mark.slow
 
@@ -166,7 +167,7 @@ def test_what_is_said():
     counts = [Count(board=0, size=(9, 6), photos=8)]
     (finding,) = in_words(counts, resized(THREE, 0, 10, 6), 10)
     assert (finding.code, finding.severity, finding.boards) == ("corner_count", "care", ("floor",))
-    assert finding.line == (
+    assert render(finding).line == (
         "photos show 9x6 inner corners of board floor (the target says 10x6) (8 of 10 photos "
         "show it so, and none shows more); correct the counts of corners "
         "in target.yaml (or of --board) and run it again (origin too, if it was of a corner that "
@@ -180,5 +181,8 @@ def test_several_boards_are_said_in_one_line():
     counts = [Count(board=0, size=(9, 6), photos=8), Count(board=2, size=(7, 5), photos=5)]
     (finding,) = in_words(counts, target, 10)
     assert finding.boards == ("floor", "right")
-    assert "9x6 inner corners of board floor (the target says 10x7) and 7x5 inner " in finding.what
-    assert finding.evidence.startswith("5 to 8 of 10 photos show them so")
+    assert (
+        "9x6 inner corners of board floor (the target says 10x7) and 7x5 inner "
+        in render(finding).what
+    )
+    assert render(finding).evidence.startswith("5 to 8 of 10 photos show them so")

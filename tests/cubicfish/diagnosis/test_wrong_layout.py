@@ -14,6 +14,7 @@ from cubicfish.find.detection.grids import grid_in_mirror
 from cubicfish.find.identification import name_grids as naming
 from cubicfish.find.identification.name_grids import name_grids
 from cubicfish.target.target import Target
+from cubicfish_cli.words.sentences import render
 
 TARGET = corner_of_three()
 NAMES = [f"{index}.png" for index in range(5)]
@@ -72,8 +73,8 @@ def test_right_photos_of_a_right_drawing_are_not_named_again(grids, monkeypatch)
 def test_all_photos_mirrored(grids):
     finding = reported(mirrored(grids, range(5)))
     assert (finding.code, finding.severity, finding.images) == ("mirrored", "bad", ())
-    assert finding.what == "all photos are mirrored"
-    assert "and 100 % with that put right" in finding.evidence
+    assert render(finding).what == "all photos are mirrored"
+    assert "and 100 % with that put right" in render(finding).evidence
 
 
 @pytest.mark.slow
@@ -117,9 +118,9 @@ def test_a_photo_of_something_else_is_not_put_down_to_a_mirror(grids):
 def test_one_board_drawn_wrongly_is_named(grids, target, cause, what):
     finding = reported(grids, target)
     assert finding.code == cause
-    assert finding.what.startswith(what)
+    assert render(finding).what.startswith(what)
     assert finding.boards == (what[6:].partition(":")[0],)
-    assert finding.do == "correct target.yaml and run it again"
+    assert render(finding).do == "correct target.yaml and run it again"
 
 
 @pytest.fixture

@@ -12,11 +12,12 @@ from cubicfish.calibration import calibrate
 from cubicfish.diagnosis.diagnose import find_faults
 from cubicfish.diagnosis.left_out import dropped_boards
 from cubicfish.fit.calibrate import calibrate as fit
-from cubicfish.fit.coverage import blind_angle, field_cells
+from cubicfish.fit.coverage import FieldCells, blind_angle
 from cubicfish.judge.codes import Code
 from cubicfish.judge.fit_record import DroppedCorner
 from cubicfish.models.radial import RadialCamera
 from cubicfish.solve.subset import select
+from cubicfish_cli.words.sentences import render
 
 TARGET = synthetic.corner_of_three()
 
@@ -64,7 +65,7 @@ def test_a_board_that_moved_in_one_photo_is_named(pairs):
     world[own] += [0, 0, 12.0]
     moved = pairs.with_world(world)
     result = fit(moved, target=TARGET, hold_out=False, diagnose=find_faults)
-    (note,) = [one for one in result.findings if one.code is Code.BOARD_DROPPED]
+    (note,) = [one for one in result.findings if one.code == Code.BOARD_DROPPED]
     assert (note.images, note.boards) == (("02.png",), ("left",))
     assert note.figures["corners"] == own.sum()
     assert result.errors.rms_px < 0.16
@@ -84,7 +85,7 @@ def test_photos_that_lost_the_same_board_are_reported_in_one_line(pairs):
     (reported,) = dropped_boards(SimpleNamespace(pairs=few, dropped=dropped))
     assert (reported.images, reported.boards) == (("00.png", "02.png"), ("left",))
     assert reported.figures["corners"] < seen
-    assert reported.line.startswith(
+    assert render(reported).line.startswith(
         f"00.png and 02.png: 17 of {reported.figures['corners']} corners of board left are off by "
         "3.0 to 8.0 px in the median"
     )
@@ -115,7 +116,7 @@ def test_a_blurred_photo_is_named_and_left_out(pairs):
     pixel[own] += np.random.default_rng(0).normal(0, 0.9, (own.sum(), 2))
     result = calibrate(replace(pairs, pixel=pixel), target=TARGET, hold_out=False)
     assert list(result.unfit) == ["06.png"]
-    assert result.unfit["06.png"].code is Code.NOISY
+    assert result.unfit["06.png"].code == Code.NOISY
     assert [(one.code, one.images) for one in result.unfit.values()] == [(Code.NOISY, ("06.png",))]
     assert "06.png" not in result.pairs.images
     assert result.errors.rms_px < 0.16
@@ -157,7 +158,7 @@ def test_coverage_counts_the_valid_field():
 
     def coverage(pixel, outline):
         camera = SimpleNamespace(image_size=(800, 800), outline=lambda: outline)
-        return field_cells(camera, pixel).coverage
+        return FieldCells.of(camera, pixel).coverage
 
     assert coverage(corners.reshape(-1, 2), outline) == pytest.approx(0.5)
     triangle = np.array([[0, 0], [800, 0], [0, 800]], float)

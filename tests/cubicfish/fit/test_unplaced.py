@@ -12,6 +12,7 @@ from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.held_out import HeldOut
 from cubicfish.fit.photo_spread import _group_photos
 from cubicfish.judge.codes import Code
+from cubicfish.judge.fit_record import FitRecord
 from cubicfish.judge.verdict import photo_verdicts
 from cubicfish.solve.statistics import photo_weights, rms_px
 from cubicfish.target.boards.shape import BoardShape
@@ -59,7 +60,7 @@ def test_they_are_in_no_figure_of_a_fit(pairs, fit):
 def test_they_are_listed_without_one(pairs, fit):
     photos = fit.fit.per_image
     for photo, (one, reported) in enumerate(
-        zip(photos, photo_verdicts(photos, (), pairs.image_size), strict=True)
+        zip(photos, photo_verdicts(FitRecord(per_image=photos), pairs.image_size), strict=True)
     ):
         assert one.corners > 0
         unplaced = photo in UNPLACED

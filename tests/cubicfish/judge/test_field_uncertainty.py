@@ -9,7 +9,7 @@ import pytest
 from running import SAMPLE, Run
 
 from cubicfish.io.camera_yaml import load_camera
-from cubicfish.judge.fit_record import FitRecord, fit_record
+from cubicfish.judge.fit_record import FitRecord
 from cubicfish.judge.uncertainty import FieldUncertainty, summed
 from cubicfish_cli.words.camera import COVERED, uncertainty_words
 
@@ -25,7 +25,7 @@ def test_the_two_figures() -> None:
 
 
 def field_of(uncertainty: object) -> FieldUncertainty | None:
-    return fit_record({"uncertainty": uncertainty}).uncertainty.field
+    return FitRecord.of({"uncertainty": uncertainty}).uncertainty.field
 
 
 def test_what_records_say() -> None:

@@ -16,7 +16,6 @@ from cubicfish.judge.fit_record import (
     FitRecord,
     PhotoRecord,
     PoseRecord,
-    fit_record,
 )
 from cubicfish.judge.pupil import PupilEffect
 
@@ -43,7 +42,7 @@ FIT = FitRecord(
 
 def test_it_comes_back_from_its_plain_data() -> None:
     record = FIT.as_record()
-    assert fit_record(record).as_record() == record
+    assert FitRecord.of(record).as_record() == record
     assert record["held_out_rms_px"] is None
     assert record["findings"][0]["images"] == ["a.png"]
     assert [list(photo)[-1] for photo in record["per_image"]] == ["camera_from_world", "corners"]
@@ -58,13 +57,13 @@ def test_its_keys_are_the_fields_of_its_lift() -> None:
 
 
 def test_nothing_known_is_nothing_written() -> None:
-    assert fit_record({}).as_record() == {}
-    assert fit_record({}).says_nothing
+    assert FitRecord.of({}).as_record() == {}
+    assert FitRecord.of({}).says_nothing
     assert not FIT.says_nothing
 
 
 def test_older_files_lack_keys_and_newer_ones_have_others() -> None:
-    found = fit_record({"rms_px": 0.2, "corners": 9.0, "to_come": {"a": 1}})
+    found = FitRecord.of({"rms_px": 0.2, "corners": 9.0, "to_come": {"a": 1}})
     assert (found.rms_px, found.corners, found.images) == (0.2, 9, 0)
     assert np.isnan(found.held_out_rms_px)
     assert found.uncertainty.field is None
@@ -73,7 +72,7 @@ def test_older_files_lack_keys_and_newer_ones_have_others() -> None:
 @pytest.mark.parametrize("odd", ["x", None, True, [], {"a": 1}, [1, "x"], 10**400, float("inf")])
 def test_what_is_of_another_kind_is_not_known(odd: Any) -> None:
     for one in fields(FitRecord):
-        found = fit_record({"coverage": 0.5, one.name: odd})
+        found = FitRecord.of({"coverage": 0.5, one.name: odd})
         verbatim = {"frame", "unfit_images", "held_out_by_level", "flat", "renamed_images"}
         if one.name not in {"coverage", *verbatim}:
             assert found == FitRecord(coverage=0.5), one.name
@@ -82,12 +81,12 @@ def test_what_is_of_another_kind_is_not_known(odd: Any) -> None:
 def test_a_pose_is_two_vectors_of_three_numbers_each() -> None:
     assert list(FIT.poses) == ["a.png"]
     photo: dict[str, Any] = {"image": "a", "camera_from_world": {"rotation_vector": [0, 0, 1]}}
-    assert fit_record({"per_image": [photo]}).poses == {}
+    assert FitRecord.of({"per_image": [photo]}).poses == {}
     for shift in ([1, 2], [1, 2, "x"], [1, 2, 1e300]):
         photo["camera_from_world"]["translation"] = shift
-        assert fit_record({"per_image": [photo]}).poses == {}
+        assert FitRecord.of({"per_image": [photo]}).poses == {}
     photo["camera_from_world"]["translation"] = [1, 2, 3]
-    assert [*fit_record({"per_image": [photo]}).poses["a"][1]] == [1, 2, 3]
+    assert [*FitRecord.of({"per_image": [photo]}).poses["a"][1]] == [1, 2, 3]
 
 
 def test_it_shows_as_one_short_line() -> None:

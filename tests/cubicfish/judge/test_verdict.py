@@ -11,11 +11,12 @@ from plain_data import PLAIN
 from cubicfish.fit.calibration import Calibration
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
-from cubicfish.judge.fit_record import ErrorStatistics, FitRecord, fit_record
+from cubicfish.judge.fit_record import ErrorStatistics, FitRecord
 from cubicfish.judge.uncertainty import FieldUncertainty
 from cubicfish.judge.verdict import Verdict, evaluation_verdict, photo_verdicts, verdict
 from cubicfish.types import FloatArray
-from cubicfish_cli.words.camera import photo_words
+from cubicfish_cli.words.camera import photo_words, verdict_line, verdict_record
+from cubicfish_cli.words.sentences import render, render_short, with_text
 
 SIZE = (1280, 800)
 GOOD: dict[str, Any] = {
@@ -41,18 +42,17 @@ FAR = {"companion_held_out_rms_px": 5.0}
 def judged(
     record: dict[str, Any], size: tuple[int, int], outline: FloatArray | None = None
 ) -> Verdict:
-    return verdict(fit_record(record), size, outline)
+    return verdict(FitRecord.of(record), size, outline)
 
 
 def reported_of_photos(record: dict[str, Any]) -> list[tuple[Finding, ...]]:
-    fit = fit_record(record)
-    return photo_verdicts(fit.per_image, fit.dropped_corners, SIZE)
+    return photo_verdicts(FitRecord.of(record), SIZE)
 
 
 def test_a_good_fit_is_good() -> None:
     said = judged(GOOD, SIZE)
     assert (said.level, said.reasons) == ("good", ())
-    assert said.line == (
+    assert verdict_line(said) == (
         "good: off by 0.120 px (a radial lens: 0.200) on photos left out of the fit, corners cover "
         "90 % of the field, out to 88° from the axis, 1 photo left out"
     )
@@ -120,7 +120,7 @@ def test_a_good_fit_is_good() -> None:
         ({"dropped": 900}, "bad", "900 of 2900 corners", "which boards"),
         ({"images": 1, "unfit_images": {"a": "", "b": ""}}, "bad", "2 of 3 photos", "again"),
         (
-            {"findings": [STRETCHED.as_record()]},
+            {"findings": [with_text(STRETCHED).as_record()]},
             "care",
             "board left seems stretched by 4.0 %, more than paper",
             "measure ten",
@@ -132,12 +132,16 @@ def test_each_fault_is_one_reason(change: dict[str, Any], level: str, why: str, 
     assert said.level == level
     (reason,) = said.reasons
     assert reason.severity == level
-    assert why in reason.why
-    assert do in reason.do
-    assert reason.why in said.line
-    assert "\n" not in said.line
-    (record,) = said.as_record()["reasons"]
-    assert {"level": level, "why": reason.why, "do": reason.do}.items() <= record.items()
+    assert why in render(reason).why
+    assert do in render(reason).do
+    assert render(reason).why in verdict_line(said)
+    assert "\n" not in verdict_line(said)
+    (record,) = verdict_record(said)["reasons"]
+    assert {
+        "level": level,
+        "why": render(reason).why,
+        "do": render(reason).do,
+    }.items() <= record.items()
 
 
 @pytest.mark.parametrize(
@@ -159,17 +163,17 @@ def test_what_nobody_would_notice_is_no_reason(change: dict[str, Any]) -> None:
 
 
 def test_the_rim_is_among_the_figures() -> None:
-    line = judged({**GOOD, "reach": {"rim_coverage": 0.42}}, SIZE).line
+    line = str(judged({**GOOD, "reach": {"rim_coverage": 0.42}}, SIZE))
     assert "corners cover 90 % of the field and 42 % of its rim, out to 88° from the axis" in line
-    whole = judged({**GOOD, "reach": {"rim_coverage": 0.95}}, SIZE).line
-    assert whole == judged(GOOD, SIZE).line
+    whole = str(judged({**GOOD, "reach": {"rim_coverage": 0.95}}, SIZE))
+    assert whole == str(judged(GOOD, SIZE))
 
 
 def test_the_worst_reason_comes_first_and_the_others_are_counted() -> None:
     said = judged({**GOOD, "corners": 90, "coverage": 0.1, "rank": 5}, SIZE)
     assert [reason.severity for reason in said.reasons] == ["bad", "care", "care"]
-    assert said.line.startswith("not to be trusted: corners cover only 10 %")
-    assert "(and 2 more reasons)" in said.line
+    assert verdict_line(said).startswith("not to be trusted: corners cover only 10 %")
+    assert "(and 2 more reasons)" in verdict_line(said)
 
 
 @pytest.mark.parametrize(
@@ -180,7 +184,7 @@ def test_a_known_cause_comes_before_what_it_leads_to(cause: str, first: str) -> 
     finding = {"cause": cause, "level": "care", "what": "columns run backwards", "do": "turn them"}
     said = judged({**GOOD, "coverage": 0.1, "findings": [finding]}, SIZE)
     assert said.level == "bad"
-    assert said.line.startswith(f"not to be trusted: {first}")
+    assert verdict_line(said).startswith(f"not to be trusted: {first}")
 
 
 def test_larger_photos_may_be_off_by_more_of_their_pixels() -> None:
@@ -193,7 +197,7 @@ def test_a_field_that_is_a_small_part_of_the_photo_is_reported() -> None:
     middle = np.array([[500.0, 300], [700, 300], [700, 500], [500, 500]])
     said = judged(GOOD, SIZE, middle)
     assert said.level == "care"
-    assert "over only 4 % of the photo" in said.reasons[0].why
+    assert "over only 4 % of the photo" in render(said.reasons[0]).why
     whole = np.array([[0.0, 0], [1279, 0], [1279, 799], [0, 799]])
     assert judged(GOOD, SIZE, whole).level == "good"
 
@@ -216,7 +220,7 @@ def test_photos_beside_each_other() -> None:
     assert [[one.code for one in own] for own in reported[5:]] == [
         [Code.STANDS_OUT], [Code.OUTLIERS, Code.FEW_CORNERS]
     ]  # fmt: skip
-    assert [one.short for one in reported[5]] == ["5× the others"]
+    assert [render_short(one) for one in reported[5]] == ["5× the others"]
     assert [photo_words(own) for own in reported] == [
         *["good"] * 5, "5 times the others' error; look at it", "2 dropped; few corners",
     ]  # fmt: skip
@@ -227,14 +231,14 @@ def test_photos_beside_each_other() -> None:
 def test_a_record_without_figures_is_not_trusted() -> None:
     said = judged({"images": 9}, SIZE)
     assert said.level == "bad"
-    assert "does not say how well" in said.reasons[0].why
+    assert "does not say how well" in render(said.reasons[0]).why
 
 
 def test_a_camera_from_elsewhere_is_neither_trusted_nor_accused() -> None:
     said = judged({}, SIZE)
     (reason,) = said.reasons
     assert (said.level, reason.code) == ("care", Code.NO_FIGURES)
-    assert "cubicfish evaluate" in reason.do
+    assert "cubicfish evaluate" in render(reason).do
 
 
 @pytest.mark.slow
@@ -261,10 +265,10 @@ def test_other_photos_are_judged_beside_the_fit(
 ) -> None:
     fit = {} if before is None else {"held_out_rms_px": before, "rms_px": 0.9 * before}
     judged = evaluation_verdict(
-        ErrorStatistics(rms_px=rms, p95_px=p95), None, fit_record(fit), (960, 720)
+        ErrorStatistics(rms_px=rms, p95_px=p95), None, FitRecord.of(fit), (960, 720)
     )
     assert judged.level == level
-    assert words in judged.line
+    assert words in verdict_line(judged)
 
 
 @pytest.mark.parametrize(("sigma", "level"), [(0.4, "good"), (0.6, "care"), (9.6, "bad")])

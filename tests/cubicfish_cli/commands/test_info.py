@@ -15,8 +15,8 @@ from running import SAMPLE, Run
 from synthetic_lenses import synthetic_lens
 
 from cubicfish import CubicCamera, build_view, load_camera
+from cubicfish.judge import FitRecord
 from cubicfish.judge.camera_facts import field_seen
-from cubicfish.judge.fit_record import fit_record
 from cubicfish.views import ViewOptions, choose_view
 from cubicfish.views.fields import lost_shares
 from cubicfish_cli import save_camera
@@ -133,7 +133,7 @@ def test_a_file_without_a_fit_says_what_it_knows(
 def test_a_damaged_record_is_no_traceback(calibrated: Path) -> None:
     loaded = load_camera(calibrated / "camera.yaml")
     fit = {"rms_px": "small", "uncertainty": {"focal_px": [1, "x"]}, "images": None}
-    known = replace(loaded, fit=fit_record(fit), made_by={"title": 3, "target": "x"})
+    known = replace(loaded, fit=FitRecord.of(fit), made_by={"title": 3, "target": "x"})
     found = CameraInfo(model=calibrated, known=known).as_record()
     assert (found["focal_sigma_px"], found["title"], found["target"]) == (None, None, None)
     assert found["rms_px"] is None

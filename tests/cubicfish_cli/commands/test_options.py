@@ -439,7 +439,7 @@ def sources(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[
     made["near"] = folder / "near.yaml"
     save_camera(made["near"], replace(camera, pupil_travel=0.05))
     made["small"] = folder / "small.yaml"
-    save_camera(made["small"](camera, (480, 360)))
+    save_camera(made["small"], camera.for_photos((480, 360)))
     made["chain"] = folder / "k.yaml"
     run_cli("export", made["small"], "--to", "kalibr-omni", "-o", made["chain"])
     made["lens"] = folder / "c.cameramodel"

@@ -9,15 +9,17 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import click
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from running import SAMPLE, Run
 from terminals import Screen, on_terminal, unstyled, visible, widest
 
-from cubicfish.judge import PhotoRecord
-from cubicfish.judge.fit_record import DroppedCorner, ErrorStatistics
+from cubicfish.judge import ErrorStatistics, FitRecord, PhotoRecord
+from cubicfish.judge.fit_record import DroppedCorner
 from cubicfish_cli.terminal.figures import PhotoRow, fitted_rows, print_photo_table
+from cubicfish_cli.terminal.parameters import SIZE
 from cubicfish_cli.terminal.terminal import (
     print_json,
     print_table,
@@ -222,10 +224,12 @@ def test_of_many_photos_the_worst_and_the_odd_are_shown(show) -> None:  # type: 
 
 
 def test_a_photo_that_takes_no_part_has_its_row(show) -> None:  # type: ignore[no-untyped-def]
-    photos = [PhotoRecord(image="a.jpg", corners=100, rms_px=0.1)]
-    dropped = [DroppedCorner(image=f"{name}.jpg") for name in "abb"]
+    photos = (PhotoRecord(image="a.jpg", corners=100, rms_px=0.1),)
+    dropped = tuple(DroppedCorner(image=f"{name}.jpg") for name in "abb")
     by_board, lost = {"a.jpg": {"left": 100}}, {"b.jpg": "left out"}
-    rows = fitted_rows(photos, dropped, (960, 720), by_board, lost)
+    rows = fitted_rows(
+        FitRecord(per_image=photos, dropped_corners=dropped), (960, 720), by_board, lost
+    )
     assert [(row.name, row.words, row.level) for row in rows] == [
         ("a.jpg", "1 dropped", "care"),
         ("b.jpg", "left out", "bad"),
@@ -319,3 +323,14 @@ def test_force_color_paints_a_pipe(
     assert "\x1b[32mgood" in run(*args).stdout
     monkeypatch.setenv("NO_COLOR", "1")
     assert "\x1b" not in run(*args).stdout
+
+
+@pytest.mark.parametrize("text", ["1280x800", " 1280 X 800 ", "1280×800"])
+def test_sizes_are_read(text: str) -> None:
+    assert SIZE.convert(text, None, None) == (1280, 800)
+
+
+@pytest.mark.parametrize("text", ["", "1280", "0x800", "1280x800x3", "1e3x800", "-1x5", "٣x٣"])
+def test_sizes_that_are_not_are_refused(text: str) -> None:
+    with pytest.raises(click.UsageError, match="is not an image size: write WIDTHxHEIGHT"):
+        SIZE.convert(text, None, None)

@@ -12,6 +12,7 @@ from cubicfish.find.detection.grids import FoundGrids, Grid
 from cubicfish.find.identification.identified import Decided, GridReport, Place
 from cubicfish.judge.codes import Code
 from cubicfish_cli.render.overlay import BOARD_COLOURS, LEFT_OUT, _Canvas, draw_found
+from cubicfish_cli.words.remarks import problem_of
 
 STEP = 50.0
 WIDTH, HEIGHT = 1000, 400
@@ -149,7 +150,7 @@ def test_a_photo_with_nothing_says_why(
         found=FoundGrids(grids=(), refused=np.empty((0, 2)), image_size=(WIDTH, HEIGHT)),
     )
     texts = written(monkeypatch, BLANK, report, corners)
-    assert [*texts] == ["b.png", "0 corners", report.problem]
+    assert [*texts] == ["b.png", "0 corners", problem_of(report)]
     assert (draw_found(BLANK, report, corners)[80:] == 135).all()
     assert (draw_found(0 * BLANK, report, corners)[80:] == 0).all()
 

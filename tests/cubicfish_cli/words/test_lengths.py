@@ -2,7 +2,6 @@
 
 import pytest
 
-from cubicfish.judge.pupil import PupilEffect
 from cubicfish_cli.render.difference_picture import round_up
 from cubicfish_cli.words.camera import pupil_meaning
 from cubicfish_cli.words.phrases import length_words, two_digits
@@ -38,6 +37,5 @@ def test_scales_end_at_round_numbers(value, up):
 
 @pytest.mark.parametrize(("rim_px", "way"), [(0.2, "farther from"), (-0.2, "nearer to")])
 def test_which_way_near_things_are_displaced_is_said_in_words(rim_px, way):
-    effect = PupilEffect(travel=1.0, distance=153, units="mm", rim_px=rim_px)
-    said = pupil_meaning(effect)
+    said = pupil_meaning(rim_px, 153, "mm")
     assert said == f"how much {way} the axis things 15 cm away appear at the rim than distant ones"

@@ -284,12 +284,12 @@ def test_the_explanation_names_the_cause(box):
         return explain_no_grids(picture, found)
 
     dark = np.where(image > 100, 5, 4).astype(np.uint8)[::3, ::3]
-    assert explained(dark).code is Code.TOO_DARK
-    assert explained(np.full((100, 100), 80, np.uint8)).code is Code.NO_PATTERN
-    assert explained(image[:10, :10]).code is Code.PHOTO_TOO_SMALL
-    assert explained(cv2.GaussianBlur(image, (0, 0), 8)).code is Code.BLURRED
+    assert explained(dark).code == Code.TOO_DARK
+    assert explained(np.full((100, 100), 80, np.uint8)).code == Code.NO_PATTERN
+    assert explained(image[:10, :10]).code == Code.PHOTO_TOO_SMALL
+    assert explained(cv2.GaussianBlur(image, (0, 0), 8)).code == Code.BLURRED
     refused = FoundGrids(grids=(), refused=np.zeros((3, 2)), image_size=(576, 432))
-    assert explain_no_grids(image, refused).code is Code.NO_CHECKERBOARD
+    assert explain_no_grids(image, refused).code == Code.NO_CHECKERBOARD
 
 
 @cache
@@ -353,7 +353,7 @@ def test_burnt_out_white_is_named_where_dark_squares_no_longer_touch(gap):
 def test_blur_is_named_where_a_board_is_seen_through_it(blur):
     light = cv2.GaussianBlur(drawn_board()[0], (0, 0), 5 * blur)
     sharp_frame = np.where(np.indices(light.shape)[0] < 60, 20.0, light)
-    assert cause(seen(sharp_frame)).code is Code.BLURRED
+    assert cause(seen(sharp_frame)).code == Code.BLURRED
 
 
 def moved(light, length_px, towards_deg):
@@ -373,12 +373,12 @@ def moved(light, length_px, towards_deg):
 @pytest.mark.parametrize("towards_deg", [30, pytest.param(135, marks=pytest.mark.slow)])
 def test_motion_is_named_though_edges_along_it_stay_sharp(towards_deg):
     reported = cause(seen(moved(drawn_board()[0], 22, towards_deg)))
-    assert reported.code is Code.BLURRED
+    assert reported.code == Code.BLURRED
 
 
 def test_small_squares_are_named_with_their_size():
     reported = cause(seen(drawn_board(side=3)[0]))
-    assert reported.code is Code.SQUARES_TOO_SMALL
+    assert reported.code == Code.SQUARES_TOO_SMALL
     assert reported.figures["side_px"] == pytest.approx(3.0, rel=0.05)
     assert (reported.figures["least_px"], reported.figures["seen_at"]) == (6, "full")
 

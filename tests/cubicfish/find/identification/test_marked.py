@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 import synthetic
+from told import raises_told
 
 from cubicfish.errors import DetectionError
 from cubicfish.find.identification.second_pass import predicted_corners
@@ -96,7 +97,7 @@ def test_the_wrong_family_is_said(photos):
     charuco = target.boards[0]
     other = replace(charuco.markers, dictionary="DICT_7X7_50")
     wrong = replace(target, boards=(replace(charuco, markers=other),))
-    with pytest.raises(DetectionError, match=r"DICT_7X7_50.*which show.*correct dictionary"):
+    with raises_told(DetectionError, r"DICT_7X7_50.*which show.*correct dictionary"):
         first_pass(files[:2], [wrong], Work(jobs=1))
 
 

@@ -12,7 +12,6 @@ from cubicfish.find.identification.identified import (
     GridReport,
     Place,
     nominal_target_fits,
-    remark_lines,
     remark_of,
 )
 from cubicfish.find.identification.name_grids import name_grids
@@ -20,6 +19,8 @@ from cubicfish.judge.codes import Code, Remedy, Severity
 from cubicfish.judge.finding import Finding
 from cubicfish.models.radial import RadialCamera
 from cubicfish.target.target import Target
+from cubicfish_cli.words.remarks import remark_lines
+from cubicfish_cli.words.sentences import render, render_short
 
 PART = (
     " may show only a part of the board, and is placed in its middle; where it is does not matter "
@@ -138,7 +139,7 @@ def test_a_photo_of_another_camera_is_not_blamed_on_the_drawing():
     reported = remarks[4]
     assert reported.code in (Code.FITS_NOWHERE, Code.NO_PLANE)
     assert (reported.case, reported.remedy) == ("odd", Remedy.LEAVE_OUT)
-    assert reported.short != reported.line
+    assert render_short(reported) != render(reported).line
 
 
 def named(board=0):

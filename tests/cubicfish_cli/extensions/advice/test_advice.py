@@ -16,25 +16,23 @@ from synthetic import (
     synthetic_correspondences,
 )
 
-from cubicfish import Target
-from cubicfish.comparison import aligned_difference
+from cubicfish import Target, aligned_difference
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.uncertainty import field_grid
-from cubicfish.judge import FitRecord
+from cubicfish.judge import ErrorStatistics, FieldUncertainty, FitRecord
 from cubicfish.judge.codes import Code
-from cubicfish.judge.fit_record import ErrorStatistics
-from cubicfish.judge.uncertainty import FieldUncertainty, UncertaintyGrid, summed
+from cubicfish.judge.uncertainty import UncertaintyGrid, summed
 from cubicfish.judge.verdict import COVERAGE, verdict
 from cubicfish.models import angle_from_axis
-from cubicfish.solve.poses import Poses
+from cubicfish.solve import Poses
 from cubicfish.solve.subset import select
-from cubicfish.sufficiency.knowledge import Knowledge
-from cubicfish.sufficiency.sufficiency import CoverageGaps, explain_insufficiency, side_of
+from cubicfish.sufficiency import CoverageGaps, Knowledge, explain_insufficiency, side_of
 from cubicfish_cli.extensions.advice.advise import advise, distances_within
 from cubicfish_cli.extensions.advice.limited_lens import limited_lens
 from cubicfish_cli.extensions.advice.proposals import place_words, tilt_words
 from cubicfish_cli.viewpoints.views import Distances, sample_views, view_from
-from cubicfish_cli.words.sufficiency import part_words, summary
+from cubicfish_cli.words.sentences import render
+from cubicfish_cli.words.sufficiency import gap_words, summary
 
 TARGET = corner_of_three()
 NOISE = 0.1
@@ -207,16 +205,18 @@ def test_parts_are_named_by_the_squares_that_are_empty():
     fit = fit_of(poses_around(TARGET, 12, seed=3))
     camera, x = fit.camera, fit.pairs.pixel[:, 0]
     pairs, _ = select(fit.pairs, x < 600)
-    for part in CoverageGaps.of(camera, pairs).parts:
+    gaps = CoverageGaps.of(camera, pairs)
+    for part, words in zip(gaps.parts, gap_words(gaps), strict=True):
         assert "right" in part.sides
         assert not {"bottom", "lower left", "left", "upper left", "top"} & {*part.sides}
-        assert part_words(part).startswith("right")
+        assert words.startswith("right")
     middle = np.hypot(*(fit.pairs.pixel - camera.project([0, 0, 1.0])).T) > 120
     pairs, _ = select(fit.pairs, middle)
-    assert part_words(CoverageGaps.of(camera, pairs).parts[0]).startswith("the middle, up to 20°")
+    assert gap_words(CoverageGaps.of(camera, pairs))[0].startswith("the middle, up to 20°")
     pairs, _ = select(fit.pairs, ~middle)
-    parts = CoverageGaps.of(camera, pairs).parts
-    assert part_words(parts[0]).startswith("all around, ")
+    gaps = CoverageGaps.of(camera, pairs)
+    parts = gaps.parts
+    assert gap_words(gaps)[0].startswith("all around, ")
     assert parts[0].to_deg == camera.max_angle_deg
     assert min(part.from_deg for part in parts) == 20
 
@@ -310,7 +310,7 @@ def test_a_good_calibration_is_enough(fitted):
     assert "enough" not in summary(replace(fitted, fit=wrong), fitted.pairs)
     doubted = advise(replace(fitted, fit=wrong), fitted.pairs, TARGET, proposals=1)
     assert not doubted.enough
-    assert doubted.reasons[0].code is Code.NOT_TRUSTED
+    assert doubted.reasons[0].code == Code.NOT_TRUSTED
     assert "Enough" in drawn(said)
 
 
@@ -352,7 +352,7 @@ def test_pairs_without_a_target_get_regions_only(poor):
     assert "Put" not in drawn(said)
     blind = advise(replace(poor, fit=FitRecord()), poor.pairs, TARGET)
     assert (blind.now, blind.proposals) == (None, ())
-    assert blind.notes[0].code is Code.NO_POSES
+    assert blind.notes[0].code == Code.NO_POSES
 
 
 FINE = {
@@ -384,9 +384,8 @@ def test_verdict_and_advice_judge_alike_whether_photos_are_enough(changed, lacki
 def test_more_than_a_good_camera_may_be_asked_for():
     now, good = FieldUncertainty(median_px=0.05, p95_px=0.1), verdict(FitRecord(**FINE), IMAGE_SIZE)
     assert explain_insufficiency(good, now, 0.2) == []
-    assert (
-        "certain only to 0.100 px, where 0.05 px" in explain_insufficiency(good, now, 0.05)[0].line
-    )
+    (reason,) = explain_insufficiency(good, now, 0.05)
+    assert "certain only to 0.100 px, where 0.05 px" in render(reason).line
     assert summed(np.arange(101.0)) == FieldUncertainty(median_px=50.0, p95_px=95.0)
 
 

@@ -234,9 +234,9 @@ def test_a_recording_is_there_where_its_file_is(tmp_path: Path) -> None:
     (tmp_path / "target.yaml").write_text(TARGET)
     target = TargetSource.of(tmp_path / "target.yaml")
     (tmp_path / "run.bag").touch()
-    check_inputs([tmp_path / "run.bag:/cam0/image_raw"], target, Run())
+    check_inputs("photos", [tmp_path / "run.bag:/cam0/image_raw"], target, Run())
     with pytest.raises(CubicfishError, match=r"other\.bag does not exist"):
-        check_inputs([tmp_path / "other.bag:/cam0/image_raw"], target, Run())
+        check_inputs("photos", [tmp_path / "other.bag:/cam0/image_raw"], target, Run())
 
 
 @pytest.mark.slow

@@ -14,7 +14,6 @@ from lenses import cubic_camera, random_rays
 from cubicfish import CameraFile, CameraFileError, OutputError, load_any_camera, load_camera
 from cubicfish.io.camera_yaml import PointCameraFile, camera_text
 from cubicfish.judge import FitRecord
-from cubicfish.judge.fit_record import fit_record
 from cubicfish.models import PointCamera
 from cubicfish_cli import save_camera
 
@@ -25,7 +24,7 @@ MADE_BY = {"version": "0", "options": {"target": "no"}}
 @pytest.fixture
 def path(tmp_path):
     path = tmp_path / "camera.yaml"
-    path.write_text(camera_text(cubic_camera(), fit=fit_record(FIT), made_by=MADE_BY))
+    path.write_text(camera_text(cubic_camera(), fit=FitRecord.of(FIT), made_by=MADE_BY))
     return path
 
 
@@ -35,7 +34,7 @@ def test_round_trip_is_exact(path):
     np.testing.assert_array_equal(loaded.camera.radial.parameters, camera.radial.parameters)
     assert loaded.camera.max_angle_deg == camera.max_angle_deg
     assert loaded.camera.image_size == camera.image_size
-    assert loaded.fit == fit_record(FIT)
+    assert loaded.fit == FitRecord.of(FIT)
     assert loaded.made_by == MADE_BY
 
 
@@ -184,7 +183,7 @@ def test_projection_is_the_loaded_cameras(path):
         load_camera(path).camera.project(rays), cubic_camera().project(rays)
     )
     assert (
-        camera_text(load_camera(path).camera, fit=fit_record(FIT), made_by=MADE_BY)
+        camera_text(load_camera(path).camera, fit=FitRecord.of(FIT), made_by=MADE_BY)
         == path.read_text()
     )
 
@@ -204,13 +203,13 @@ def test_round_trip_of_the_point_lift(tmp_path, frame, vanishing):
         valid=np.array([[1.0, 2], [30, 4], [5, 60.5]]),
     )
     path = tmp_path / "camera.yaml"
-    path.write_text(camera_text(camera, fit=fit_record(FIT), made_by=MADE_BY))
+    path.write_text(camera_text(camera, fit=FitRecord.of(FIT), made_by=MADE_BY))
     loaded = load_any_camera(path)
     assert isinstance(loaded, PointCameraFile)
     for name in ("P", "offset", "scale", "null", "extent", "valid", "frame", "image_size"):
         np.testing.assert_array_equal(getattr(loaded.camera, name), getattr(camera, name))
     assert loaded.camera.rank == 20 - vanishing
-    assert (loaded.fit, loaded.made_by) == (fit_record(FIT), MADE_BY)
+    assert (loaded.fit, loaded.made_by) == (FitRecord.of(FIT), MADE_BY)
     with pytest.raises(CameraFileError, match=r"no rays: .* calibrate with lift='ray'"):
         load_camera(path)
 

@@ -20,11 +20,12 @@ from running import SAMPLE, run_cli
 pytest.importorskip("jinja2")
 
 from cubicfish import Calibration, CameraFile, Observations, Target, load_corners
-from cubicfish.judge.fit_record import fit_record
-from cubicfish.solve.statistics import rms_px
+from cubicfish.judge import FitRecord
+from cubicfish.solve import rms_px
 from cubicfish_cli.extensions.report.page import report_html
 from cubicfish_cli.inputs.calibration_facts import Facts, gather, matched
 from cubicfish_cli.render.pages.figures import upright
+from cubicfish_cli.words.sentences import render
 
 TARGET = Target.load(SAMPLE / "target.yaml")
 PHOTOS = sorted((SAMPLE / "photos").iterdir())
@@ -91,7 +92,7 @@ def facts_of(
     return gather(
         CameraFile(
             camera=fitted.camera,
-            fit=fit_record({**fitted.as_record(), **(fit or {})}),
+            fit=FitRecord.of({**fitted.as_record(), **(fit or {})}),
             made_by=made_by or MADE_BY,
         ),
         pairs=pairs,
@@ -199,7 +200,7 @@ def test_what_is_wrong_comes_first_and_corners_of_another_fit_are_not_drawn(
     reported = [
         "Not to be trusted",
         "a fault (12 px)",
-        *(reason.why for reason in facts.known.verdict.reasons),
+        *(render(reason).why for reason in facts.known.verdict.reasons),
     ]
     reported += [
         "a note (12 px); sleep on it",
@@ -210,7 +211,7 @@ def test_what_is_wrong_comes_first_and_corners_of_another_fit_are_not_drawn(
     assert places == sorted(places)
     assert text.count("a note (12 px)") == 1
     # What to do is told in the words of the terminal, which has reasons in this order too.
-    assert all(reason.do in text for reason in facts.known.verdict.reasons)
+    assert all(render(reason).do in text for reason in facts.known.verdict.reasons)
 
 
 def test_before_and_after_stand_beside_the_verdict(page: Page, html: str) -> None:

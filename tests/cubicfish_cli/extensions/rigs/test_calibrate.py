@@ -29,8 +29,9 @@ from cubicfish_cli import (
     save_corners,
     save_target,
 )
-from cubicfish_cli.extensions.rigs.inputs import named_by
+from cubicfish_cli.extensions.rigs.naming import named_by
 from cubicfish_cli.viewpoints.truth import rotation_matrix
+from cubicfish_cli.words.sentences import render
 
 
 def calibrate_pair(folder: Path) -> list[object]:
@@ -200,7 +201,7 @@ def test_a_rig_is_judged_by_its_figures(
     assert rig.verdict.level == made[1]["verdict"]["level"] == "good"
     judged = with_right(rig, **change).verdict
     assert judged.level == level
-    assert words in " ".join(one.what for one in judged.reasons)
+    assert words in " ".join(render(one).what for one in judged.reasons)
 
 
 def test_names_on_a_rigs_page_are_only_text(

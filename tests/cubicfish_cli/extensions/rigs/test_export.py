@@ -16,7 +16,6 @@ from running import Run
 from scipy.spatial.transform import Rotation
 
 from cubicfish.models import RadialCamera
-from cubicfish.rigs.rig import rig_text
 from cubicfish_cli import Rig, load_rig
 from cubicfish_cli.commands.export import FORMATS
 from cubicfish_cli.extension_guard import written_formats
@@ -42,7 +41,8 @@ def made_rig(calibrated: Path, folder: Path, count: int, units: str | None = "mm
         }
         camera = {"name": name, "camera": f"{name}/camera.yaml", "camera_from_rig": place}
         cameras.append(camera)
-    (folder / "rig.yaml").write_text(rig_text({"units": units, "cameras": cameras}))
+    record = {"cubicfish_rig": 1, "units": units, "cameras": cameras}
+    (folder / "rig.yaml").write_text(yaml.safe_dump(record))
     return folder / "rig.yaml"
 
 

@@ -7,6 +7,7 @@ is from the edge of each one's field, so that no camera begins or ends with a st
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -23,7 +24,6 @@ from cubicfish import (
     build_view,
     undistort,
 )
-from cubicfish.photos import Picture
 from cubicfish.rigs import RigCamera
 from cubicfish.views import CentralView, Interpolation, sees
 from cubicfish.views.view import matrix_of_rotation, rotation_vector
@@ -118,7 +118,7 @@ class _Along:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Mosaic:
+class Panorama:
     """What it takes to make one picture of all cameras' photos.
 
     Attributes:
@@ -141,8 +141,8 @@ class Mosaic:
         return replace(self.maps[0], valid=valid)
 
     def render(
-        self, photos: Mapping[str, Picture], interpolation: Interpolation = "linear"
-    ) -> tuple[Picture, npt.NDArray[np.bool_]]:
+        self, photos: Mapping[str, npt.NDArray[Any]], interpolation: Interpolation = "linear"
+    ) -> tuple[npt.NDArray[Any], npt.NDArray[np.bool_]]:
         """One picture of the photos of a shot, and where it shows something (H, W).
 
         Args:
@@ -185,7 +185,7 @@ class Mosaic:
         return np.where(shown[wide], mean, parts[0]).astype(parts[0].dtype), shown
 
 
-def mosaic_of(body: Body, view: View) -> Mosaic:
+def build_panorama(body: Body, view: View) -> Panorama:
     """Prepare to make pictures of a view of the body's frame.
 
     Raises:
@@ -205,7 +205,7 @@ def mosaic_of(body: Body, view: View) -> Mosaic:
         weights.append(np.where(made.valid, share, np.float32(0)).astype(np.float32))
     if not maps:
         raise ViewError("no camera of the rig sees anything of this view: look elsewhere")
-    return Mosaic(view=view, cameras=tuple(names), maps=tuple(maps), weights=tuple(weights))
+    return Panorama(view=view, cameras=tuple(names), maps=tuple(maps), weights=tuple(weights))
 
 
 def edge_distance(camera: CubicCamera) -> Floats:
@@ -224,11 +224,11 @@ def edge_distance(camera: CubicCamera) -> Floats:
 
 def stitch(
     rig: Rig,
-    photos: Mapping[str, Picture],
+    photos: Mapping[str, npt.NDArray[Any]],
     view: View | None = None,
     *,
     distance: float | None = None,
-) -> Picture:
+) -> npt.NDArray[Any]:
     """One picture of a shot, as ``undistort`` renders it.
 
     Args:
@@ -252,4 +252,4 @@ def stitch(
         rig.camera(name)
     body = Body(cameras=rig.cameras, distance=distance)
     chosen = build_view(body, "equirectangular") if view is None else view
-    return mosaic_of(body, chosen).render(dict(photos))[0]
+    return build_panorama(body, chosen).render(dict(photos))[0]

@@ -1,0 +1,141 @@
+"""Public sets of photos, from GitHub or from a folder of clones or bare repositories.
+
+    python benchmarks/open/fetch.py OUT [--snapshots DIR] [--cameras NAME ...]
+
+A set comes at the commit, and with the files' hashes, that ``cameras.lock.json`` has; a set that is
+not in it yet comes as it is at its newest commit, and is noted there. Only plain git is used, and only
+what is needed is brought. Nothing is passed on: the photos stay under their owners' licences.
+"""
+
+import argparse
+import hashlib
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+LOCK = HERE / "cameras.lock.json"
+LICENCE = re.compile(r"^(licen[cs]e|copying)[^/]*$", re.IGNORECASE)
+
+
+class Unavailable(Exception):
+    """Why a set cannot be had, in one line."""
+
+
+def cameras():
+    """The records of cameras.json: ``repo``, ``photos`` or ``files`` or ``film``, ``target``."""
+    return json.loads((HERE / "cameras.json").read_text(encoding="utf-8"))
+
+
+def git(folder, *arguments):
+    """What git says, as bytes."""
+    command = ["git", "-C", str(folder), "-c", "core.quotePath=false", *arguments]
+    told = subprocess.run(command, capture_output=True)
+    if told.returncode:
+        said = told.stderr.decode(errors="replace").strip().splitlines() or ["git failed"]
+        raise Unavailable(f"git {arguments[0]}: {said[-1]}")
+    return told.stdout
+
+
+def repository(repo, out, snapshots, commit):
+    """A repository that has the commit (the newest if None), without its files."""
+    if snapshots is not None:
+        name = repo.replace("/", "+")
+        for here in (snapshots / name, snapshots / f"{name}.git"):
+            if here.is_dir():
+                return here
+        raise Unavailable(f"{snapshots} has no {name}")
+    here = out / ".clones" / repo.replace("/", "+")
+    if not (here / "HEAD").exists():
+        here.mkdir(parents=True, exist_ok=True)
+        git(here, "init", "-q", "--bare")
+        git(here, "remote", "add", "origin", f"https://github.com/{repo}")
+        git(here, "config", "remote.origin.promisor", "true")
+        git(here, "config", "remote.origin.partialclonefilter", "blob:none")
+    # Names and folders only; photos come one by one, when they are asked for.
+    git(here, "fetch", "-q", "--depth=1", "--filter=blob:none", "origin", commit or "HEAD")
+    git(here, "update-ref", "HEAD", "FETCH_HEAD")
+    return here
+
+
+def wanted(record, names):
+    """Paths in the repository, by the names that the photos get here."""
+    if "files" in record:
+        return dict(record["files"])
+    pattern = re.compile(re.escape(record["film"]) + "$" if "film" in record else record["photos"])
+    paths = [name for name in names if pattern.search(name)]
+    if not paths:
+        raise Unavailable(f"{record['repo']} has no file that fits {pattern.pattern}")
+    if "film" in record:
+        return {"film" + Path(paths[0]).suffix: paths[0]}
+    short = {Path(path).name: path for path in paths}
+    return short if len(short) == len(paths) else {path.replace("/", "_"): path for path in paths}
+
+
+def brought(name, record, out, snapshots, known):
+    """One set into OUT/<name>; what the lock is to have of it."""
+    here = repository(record["repo"], out, snapshots, known.get("commit"))
+    commit = known.get("commit") or git(here, "rev-parse", "HEAD").decode().strip()
+    names = git(here, "ls-tree", "-r", "-z", "--name-only", commit).decode().split("\0")
+    folder, hashes = out / f"{name}.part", {}
+    shutil.rmtree(folder, ignore_errors=True)
+    paths = wanted(record, names)
+    for own, path in paths.items():
+        data = git(here, "cat-file", "blob", f"{commit}:{path}")
+        if data.startswith(b"version https://git-lfs"):
+            raise Unavailable(f"{path} is only a pointer to a file elsewhere (Git LFS)")
+        hashes[own] = hashlib.sha256(data).hexdigest()
+        if known.get("sha256", hashes).get(own) != hashes[own]:
+            raise Unavailable(f"{path} is not the file that cameras.lock.json has")
+        file = folder / own if "film" in record else folder / "images" / own
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(data)
+    licences = [one for one in names if LICENCE.match(one)]
+    first = git(here, "cat-file", "blob", f"{commit}:{licences[0]}") if licences else b""
+    said = [line.strip() for line in first.decode(errors="replace").splitlines() if line.strip()]
+    (folder / "target.yaml").write_text(record["target"], encoding="utf-8")
+    test = re.compile(record.get("test", "$^"))
+    source = {
+        "repo": f"https://github.com/{record['repo']}", "commit": commit,
+        "licence": said[0] if said else "none stated",
+        "test": [own for own, path in paths.items() if test.search(path)],
+    }  # fmt: skip
+    (folder / "source.json").write_text(json.dumps(source, indent=1), encoding="utf-8")
+    shutil.rmtree(out / name, ignore_errors=True)
+    folder.rename(out / name)
+    return {"commit": commit, "sha256": hashes}
+
+
+def all_of(names, out, snapshots=None, lock=LOCK):
+    """Bring sets that are not there yet; why the others cannot be had, by name."""
+    records, missing = cameras(), {}
+    known = json.loads(lock.read_text(encoding="utf-8")) if lock.exists() else {}
+    out.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        if (out / name).exists():
+            continue
+        try:
+            known[name] = brought(name, records[name], out, snapshots, known.get(name, {}))
+            print(f"{name}: {len(known[name]['sha256'])} files", flush=True)
+        except Unavailable as problem:
+            missing[name] = str(problem)
+            print(f"{name}: not to be had: {problem}", flush=True)
+    if known:
+        lock.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    return missing
+
+
+def main():
+    """Bring sets of photos."""
+    parser = argparse.ArgumentParser(description="Public sets of photos for the open benchmark.")
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--snapshots", type=Path, metavar="DIR")
+    parser.add_argument("--cameras", nargs="*", metavar="NAME")
+    given = parser.parse_args()
+    all_of(given.cameras or list(cameras()), given.out, given.snapshots)
+
+
+if __name__ == "__main__":
+    main()

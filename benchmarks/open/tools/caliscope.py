@@ -1,0 +1,61 @@
+"""caliscope of PyPI: the fisheye camera of its scripting interface, and its own trackers."""
+
+import cv2
+import numpy as np
+import pandas as pd
+from caliscope.api import (
+    CameraData,
+    Charuco,
+    CharucoTracker,
+    Chessboard,
+    ChessboardTracker,
+    ImagePoints,
+)
+from caliscope.core.calibrate_intrinsics import run_intrinsic_calibration
+
+# Its fisheye asks OpenCV for names that version 5 has no more.
+PACKAGES = ["caliscope==0.11.8", "opencv-python<5"]
+VARIANTS = {"caliscope fisheye": 1}
+EXPORT = "its own K and D, without loss"
+
+
+def fit(job, variant, start):
+    """Its choice of some thirty frames, then its intrinsic calibration."""
+    parts = []
+    for number, (_, local, point, pixel) in enumerate(job.views()):
+        parts.append(
+            pd.DataFrame({
+                "sync_index": number, "cam_id": 0, "object_id": 0, "keypoint_id": point,
+                "img_loc_x": pixel[:, 0], "img_loc_y": pixel[:, 1],
+                "obj_loc_x": local[:, 0], "obj_loc_y": local[:, 1], "obj_loc_z": 0.0,
+            })
+        )  # fmt: skip
+    camera = CameraData(cam_id=0, size=job.size, fisheye=True)
+    found = run_intrinsic_calibration(camera, ImagePoints(pd.concat(parts)))
+    note = f"{found.report.frames_used} views chosen"
+    claimed = {"rms_px": float(found.report.rmse)}
+    return {"lens": found.camera, "claimed": claimed, "note": note}
+
+
+def project(model, points):
+    lens, zero = model["lens"], np.zeros(3)
+    where = np.ascontiguousarray(points[:, None], float)
+    with np.errstate(all="ignore"):
+        seen = cv2.fisheye.projectPoints(where, zero, zero, lens.matrix, lens.distortions)[0]
+    return np.where(points[:, 2:] > 0, seen.reshape(-1, 2), np.nan)
+
+
+def detect(file, job):
+    """Its trackers, a frame at a time."""
+    board, numbers = job.one_board(), job.grid(0).ravel()
+    columns, rows = board["corners"]
+    if board["type"] == "checkerboard":
+        tracker = ChessboardTracker(Chessboard(rows=rows, columns=columns))
+    else:
+        tracker = CharucoTracker(Charuco.from_squares(
+            columns + 1, rows + 1, float(board["square"]), dictionary=board["dictionary"],
+            aruco_scale=board["marker"] / board["square"],
+            legacy_pattern=board.get("first_square") == "light",
+        ))  # fmt: skip
+    seen = tracker.get_points(cv2.imread(file))
+    return numbers[np.asarray(seen.keypoint_id, int)], np.asarray(seen.img_loc, float)

@@ -1,0 +1,89 @@
+"""OpenCV's two models of wide lenses, with the contrib wheel."""
+
+import cv2
+import numpy as np
+
+PACKAGES = ["opencv-contrib-python-headless<5", "numpy"]
+VARIANTS = {"OpenCV fisheye": 3, "OpenCV omnidir": 1}
+EXPORT = "its own K and D, without loss"
+CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 300, 1e-10)
+# Its fisheye starts from a homography, which corners near 90° break: a patient user takes those away,
+# from the rim inwards, until it runs. All corners count in the errors all the same.
+SHARES = (1.0, 0.95, 0.9, 0.85, 0.8, 0.7, 0.6)
+PLAUSIBLE = 0.005  # an RMS above so much of the width is a fit that went astray
+GUESSES = (None, 0.33, 0.2)  # focal length by start, as a share of the width; None: OpenCV's own
+
+
+def fit(job, variant, start):
+    """As the documentation has it; from a focal length, and nearer the middle, in later starts."""
+    objects, images = job.lists()
+    if "omnidir" in variant:
+        rms, k, xi, d, *_ = cv2.omnidir.calibrate(
+            objects, images, job.size, None, None, None, 0, CRITERIA
+        )
+        return {"k": k, "xi": float(np.ravel(xi)[0]), "d": d, "claimed": {"rms_px": rms}}
+    flags = cv2.fisheye.CALIB_RECOMPUTE_EXTRINSIC | cv2.fisheye.CALIB_FIX_SKEW
+    middle, matrix = (np.array(job.size) - 1) / 2, None
+    if GUESSES[start] is not None:
+        flags |= cv2.fisheye.CALIB_USE_INTRINSIC_GUESS
+        focal = GUESSES[start] * job.size[0]
+        matrix = np.array([[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]])
+    far = max(np.linalg.norm(one - middle, axis=-1).max() for one in images)
+    best, problem = None, None
+    for share in SHARES if start else SHARES[:1]:
+        near = [np.linalg.norm(one[:, 0] - middle, axis=-1) <= share * far for one in images]
+        kept = [k for k, one in enumerate(near) if one.sum() >= 8]
+        try:
+            rms, k, d, *_ = cv2.fisheye.calibrate(
+                [objects[n][near[n]] for n in kept], [images[n][near[n]] for n in kept], job.size,
+                matrix, np.zeros((4, 1)), flags=flags, criteria=CRITERIA,
+            )  # fmt: skip
+        except cv2.error as told:
+            problem = told
+            continue
+        if best is None or rms < best["claimed"]["rms_px"]:
+            note = "" if share == 1 else f"fitted within {share:.0%} of the largest radius"
+            best = {"k": k, "d": d, "claimed": {"rms_px": rms}, "note": note}
+        if rms < PLAUSIBLE * job.size[0]:
+            break
+    if best is None:
+        raise problem
+    return best
+
+
+def project(model, points):
+    where, zero = np.ascontiguousarray(points[:, None], float), np.zeros(3)
+    if "xi" in model:
+        return cv2.omnidir.projectPoints(
+            where, zero, zero, model["k"], model["xi"], model["d"]
+        )[0].reshape(-1, 2)  # fmt: skip
+    with np.errstate(all="ignore"):
+        seen = cv2.fisheye.projectPoints(where, zero, zero, model["k"], model["d"])[0]
+    # It divides by z: what is beside or behind the camera comes out on the wrong side.
+    return np.where(points[:, 2:] > 0, seen.reshape(-1, 2), np.nan)
+
+
+def detect(file, job):
+    """The tutorials' finders: findChessboardCorners with cornerSubPix, and CharucoDetector."""
+    board, gray = (
+        job.one_board(),
+        cv2.imread(file, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION),
+    )
+    columns, rows = board["corners"]
+    numbers = job.grid(0).ravel()
+    if board["type"] == "checkerboard":
+        found, corners = cv2.findChessboardCorners(gray, (columns, rows))
+        if not found:
+            return numbers[:0], np.zeros((0, 2))
+        stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 30, 0.001)
+        corners = cv2.cornerSubPix(gray, corners, (5, 5), (-1, -1), stop)
+        return numbers, corners.reshape(-1, 2)
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board["dictionary"]))
+    charuco = cv2.aruco.CharucoBoard(
+        (columns + 1, rows + 1), board["square"], board["marker"], dictionary
+    )
+    charuco.setLegacyPattern(board.get("first_square") == "light")
+    corners, ids, *_ = cv2.aruco.CharucoDetector(charuco).detectBoard(gray)
+    if ids is None:
+        return numbers[:0], np.zeros((0, 2))
+    return numbers[ids.ravel()], corners.reshape(-1, 2)
