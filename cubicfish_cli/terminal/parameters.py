@@ -576,10 +576,18 @@ def refine_target_option(help: str, default: str | None = "auto") -> Any:
     return option("--refine-target", help, levels, default)
 
 
-def _read_size(text: str) -> tuple[int, int]:
-    from cubicfish.io.corners_csv import parse_size
+_MAX_SIDE = 100_000
 
-    return parse_size(text)
+
+def _read_size(text: str) -> tuple[int, int]:
+    """``1280x800`` -> (1280, 800)."""
+    match = re.fullmatch(r"\s*([0-9]{1,6})\s*[xX×]\s*([0-9]{1,6})\s*", text)
+    size = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not 0 < min(size) <= max(size) <= _MAX_SIDE:
+        raise UsageError(
+            f"{quoted(text)} is not an image size: write WIDTHxHEIGHT, such as 1280x800"
+        )
+    return size
 
 
 SIZE = Parsed("WIDTHxHEIGHT", _read_size)

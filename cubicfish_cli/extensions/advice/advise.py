@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish import CubicCamera, Finding, Observations, Target
-from cubicfish.io.camera_yaml import Calibrated
+from cubicfish import Calibration, CameraFile, CubicCamera, Finding, Observations, Target
 from cubicfish.judge import Code, FieldUncertainty
 from cubicfish.solve import Poses
 from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge
@@ -85,7 +84,7 @@ class Advice:
 
 @one_blas_thread()
 def advise(
-    known: Calibrated,
+    known: Calibration | CameraFile,
     pairs: Observations,
     target: Target | None,
     *,

@@ -22,9 +22,8 @@ from cubicfish_cli.terminal.terminal import print_next, print_wrote, result
 from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish import CubicCamera, Target
+    from cubicfish import Calibration, CameraFile, CubicCamera, Target
     from cubicfish.files import Content
-    from cubicfish.io.camera_yaml import Calibrated
 
 
 _MOST_PHOTOS = 10_000
@@ -114,7 +113,7 @@ class SimulateOptions:
     """
 
     target: Target | StrPath = parameters.needed_target
-    camera: Calibrated | CubicCamera | StrPath = parameters.model_options
+    camera: Calibration | CameraFile | CubicCamera | StrPath = parameters.model_options
     number: int | None = option(
         "-n --number N", "How many photos. [default: 12]", click.IntRange(1, _MOST_PHOTOS)
     )
