@@ -12,7 +12,7 @@ import inspect
 import os
 import sys
 import types
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AnySet
 from functools import cache, wraps
 from importlib import import_module
@@ -21,8 +21,6 @@ from typing import Any, ForwardRef, Literal, TypeVar, Union, get_args, get_origi
 
 from cubicfish.errors import UsageError
 from cubicfish.wording import listed, quoted
-
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 _MOST_LISTED = 200  # of a long list, as many are looked at
 _UNIONS = (Union, types.UnionType)
@@ -41,7 +39,7 @@ _WAYS = {
 """How a caller gets a record, by the name of its class."""
 
 
-def checked(function: Function, face: str) -> Function:
+def checked(function: Any, face: str) -> Any:
     """A function that refuses arguments that are not what its annotations say.
 
     Wrong counts of arguments and unknown names stay Python's own TypeError.
@@ -71,9 +69,8 @@ def checked(function: Function, face: str) -> Function:
         return function(*args, **kwargs)
 
     call.__module__, call.__qualname__ = face, function.__name__
-    made: Any = call
-    made.checked_arguments = True
-    return made
+    vars(call)["checked_arguments"] = True
+    return call
 
 
 def refuse_misfit(name: str, value: object, kind: Any) -> None:

@@ -42,7 +42,7 @@ Command = TypeVar("Command", bound=click.Command)
 
 Kind = TypeVar("Kind")
 
-_OPTIONS = "options"
+_OPTIONS, _CHECKED = "options", "checked_fields"
 _CHANGES_NO_CAMERA = {
     "as_json", "folder", "jobs", "max_rms", "no_cache", "output", "overwrite", "report",
 }  # fmt: skip
@@ -290,7 +290,7 @@ def record(kind: type[Kind]) -> type[Kind]:
             delattr(kind, name)
         else:
             setattr(kind, name, one.default)
-    kind.checked_fields = True
+    setattr(kind, _CHECKED, True)
     setattr(kind, _OPTIONS, {**getattr(kind, _OPTIONS, {}), **options})
     return dataclass(frozen=True, kw_only=True)(kind)
 
