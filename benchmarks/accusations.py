@@ -24,7 +24,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from cubicfish import FitError, Observations, Target, calibrate, load_corners
-from cubicfish.target.target import load_target
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ def exchanged(pairs: Observations, target: Target) -> tuple[Observations, Target
 
 def outcome(trial: Trial) -> tuple[Trial, str, list[str], list[str]]:
     """The verdict, causes and levels of what was found, and the words of what is bad."""
-    target = load_target(trial.target)
+    target = Target.load(trial.target)
     pairs = load_corners(trial.corners, target)
     pairs = pairs.of_photos(np.array(trial.photos))
     if trial.exchanged:
@@ -73,7 +72,7 @@ def outcome(trial: Trial) -> tuple[Trial, str, list[str], list[str]]:
 
 def trials(name: str, corners: Path, target: Path, subsets: int, seed: int) -> list[Trial]:
     """All photos, and random ones."""
-    drawing = load_target(target)
+    drawing = Target.load(target)
     count = len(load_corners(corners, drawing).images)
     rng = np.random.default_rng([seed, *name.encode()])
     lone = len(drawing.boards) == 1 and drawing.boards[0].kind == "checkerboard"

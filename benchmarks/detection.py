@@ -37,7 +37,6 @@ from looking import look_at
 from cubicfish import Target
 from cubicfish.find import find_grids
 from cubicfish.find.detection import finder
-from cubicfish.target.target import load_target
 from cubicfish_cli.extensions.simulation.simulate import render
 from cubicfish_cli.viewpoints.truth import project_corners
 
@@ -256,7 +255,7 @@ def times(photos: list[Photo], board: tuple[int, int]) -> None:
     print("CPU seconds per megapixel (corners found)")
     print(f"{'':34}" + "".join(f"{name:>18}" for name in TIMED))
     rows = [("photos", [photo[0] for photo in photos], board)]
-    sample = load_target(SAMPLE.parents[1] / "target.yaml").boards[0]
+    sample = Target.load(SAMPLE.parents[1] / "target.yaml").boards[0]
     for size in SCALED:
         rows.append(("a sample photo", [scaled(size)], (sample.columns, sample.rows)))
     for width, height, square in TEXTURES:

@@ -47,10 +47,9 @@ from cubicfish import (
     save_corners,
 )
 from cubicfish.files import FrameName
-from cubicfish.models.sphere import cone_rays
+from cubicfish.models import cone_rays
 from cubicfish.observe import find_corners
 from cubicfish.photos import Photo, find_photos
-from cubicfish.target.target import load_target
 from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.films.source import decode, opened
 
@@ -126,7 +125,7 @@ def corners_in(photos: Sequence[Photo], target: Target) -> Observations:
 def measured(
     folder: Path, target_file: Path, lens: SyntheticLens, most: int, every: int
 ) -> tuple[float, ...]:
-    target = load_target(target_file)
+    target = Target.load(target_file)
     film, out = folder / "film.mp4", folder / "chosen"
     options = ("-t", target_file, "--overwrite", "--no-cache", "-j", 1)
     seconds = cubicfish("frames", film, *options, "-o", out, "--most", most)
@@ -178,7 +177,7 @@ def main() -> None:
             folder = args.folder / f"b_{lens}_{name}"
             if not (folder / "film.mp4").exists():
                 folder.mkdir(exist_ok=True)
-                thing = load_target(target)
+                thing = Target.load(target)
                 path = hand_path(thing, made, size, args.seconds, seed=args.seed)
                 taken = FilmOptions(rate=args.rate)
                 film = Film(target=thing, lens=made, image_size=size, path=path, taken=taken)

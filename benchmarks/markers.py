@@ -23,8 +23,8 @@ from asymmetric_lens import AsymmetricLens
 from looking import look_at
 
 from cubicfish import Target
-from cubicfish.angles import angle_from_axis
 from cubicfish.find import find_marked_corners
+from cubicfish.models import angle_from_axis
 from cubicfish.target import BOARD_TYPES, Markers
 from cubicfish_cli.extensions.simulation.simulate import render
 from cubicfish_cli.viewpoints.truth import Pose, TrueCorners, project_corners

@@ -33,7 +33,7 @@ from synthetic import TRUE_LENS
 from synthetic_lenses import SYNTHETIC_LENSES, synthetic_lens
 
 from cubicfish import CubicfishError, Target, aligned_difference, calibrate
-from cubicfish.models.sphere import cone_rays
+from cubicfish.models import cone_rays
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses
 
 SIZE = TRUE_LENS.image_size

@@ -42,11 +42,8 @@ from cubicfish import (
     compare_rigs,
     load_corners,
 )
-from cubicfish.models.sphere import cone_rays
-from cubicfish.rigs import load_times
-from cubicfish.solve.subset import select_photos
-from cubicfish.rigs.shots import Times
-from cubicfish.target.target import load_target
+from cubicfish.models import cone_rays
+from cubicfish_cli.extensions.rigs.tables import load_times
 from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 
 NOISE = CornerErrors(noise=0.1, shared=0.0, spread=0.0)
@@ -273,7 +270,7 @@ def halved(
         times = dict(zip(names, made.times, strict=True)) if timed else None
         return dict(zip(names, made.corners, strict=True)), made.target, times
     folder = Path(of)
-    target = load_target(folder / "target.yaml")
+    target = Target.load(folder / "target.yaml")
     cameras = {one.stem: load_corners(one, target) for one in sorted(folder.glob("cam_*.csv"))}
     return cameras, target, load_times(folder / "timestamps.csv", [*cameras]) if timed else None
 

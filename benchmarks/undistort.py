@@ -428,10 +428,9 @@ def measure_real(folder: Path) -> None:
     if not REAL.exists():
         print("real photos are not there: skipped")
         return
-    from cubicfish import load_corners
-    from cubicfish.target.target import load_target
+    from cubicfish import Target, load_corners
 
-    target = load_target(REAL / "target.yaml")
+    target = Target.load(REAL / "target.yaml")
     corners = load_corners(REAL / "reference_corners.csv", target)
     own = folder / "real"
     own.mkdir()

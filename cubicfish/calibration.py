@@ -19,7 +19,7 @@ from cubicfish.io.camera_yaml import Calibrated, CameraFile
 from cubicfish.listener import Listener
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target, target_text
+from cubicfish.target.target import Target
 from cubicfish.wording import did_you_mean, quoted
 
 if TYPE_CHECKING:
@@ -152,4 +152,4 @@ def save_target(path: str | os.PathLike[str], target: Target, *, overwrite: bool
         OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
 
     """
-    write_files({Path(path): target_text(target)}, overwrite=overwrite)
+    write_files({Path(path): target.text()}, overwrite=overwrite)

@@ -44,11 +44,12 @@ def lazy_names(
         if name == "__all__":
             value: object = sorted(places)
         elif name in places:
-            value = getattr(import_module(places[name]), name)
-            if checked and type(value).__name__ == "function":
+            found: Any = getattr(import_module(places[name]), name)
+            value = found
+            if checked and type(found).__name__ == "function":
                 from cubicfish.arguments import checked as hold
 
-                value = hold(value, package)
+                value = hold(found, package)
         else:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         setattr(module, name, value)

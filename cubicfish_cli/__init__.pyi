@@ -87,7 +87,6 @@ from cubicfish_cli.extensions.rigs.info import RigInfoOptions as RigInfoOptions
 from cubicfish_cli.extensions.rigs.info import info_rig_files as info_rig_files
 from cubicfish_cli.extensions.rigs.map import RigMapOptions as RigMapOptions
 from cubicfish_cli.extensions.rigs.map import map_rig_files as map_rig_files
-from cubicfish_cli.extensions.rigs.panorama import stitch as stitch
 from cubicfish_cli.extensions.rigs.report import RigReportOptions as RigReportOptions
 from cubicfish_cli.extensions.rigs.report import report_rig_files as report_rig_files
 from cubicfish_cli.extensions.rigs.undistort import RigUndistortOptions as RigUndistortOptions

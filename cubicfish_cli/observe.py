@@ -19,8 +19,11 @@ from cubicfish import (
 from cubicfish.files import Fingerprint
 from cubicfish.io.corners_csv import load_correspondences
 from cubicfish.photos.photos import VIDEO_SUFFIXES
-from cubicfish.target.target import target_text
-from cubicfish_cli.inputs.paths import InputKind, is_recording, named_photos
+from cubicfish_cli.inputs.paths import (
+    InputKind,
+    is_recording,
+    named_photos,
+)
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.words.phrases import plural
 from cubicfish_cli.words.remarks import line_of
@@ -78,7 +81,7 @@ class Inputs:
     def nominal(self, target: TargetSource) -> str | None:
         """The text of a target that is in no file yet."""
         thing = self.pairs.target
-        return target_text(thing) if target.needs_file and thing is not None else None
+        return thing.text() if target.needs_file and thing is not None else None
 
     def remarks(self, more: Iterable[Finding] = ()) -> dict[str, Any]:
         """What is reported of photos and grids, in lines and as records, and records of others."""
@@ -159,10 +162,11 @@ def _find_in_photos(
     )
 
 
+def is_video(path: Path) -> bool:
+    """Whether a file is a video, by its name."""
+    return path.suffix.lower() in VIDEO_SUFFIXES and not path.is_dir()
+
+
 def films_among(inputs: Sequence[Path]) -> list[Path]:
     """Those of the inputs that are films, recordings or patterns of such, by their names."""
-    return [
-        path
-        for path in inputs
-        if (path.suffix.lower() in VIDEO_SUFFIXES and not path.is_dir()) or is_recording(path)
-    ]
+    return [path for path in inputs if is_video(path) or is_recording(path)]

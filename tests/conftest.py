@@ -116,11 +116,11 @@ def with_report(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="session")
 def fitted() -> Calibration:
     """The fit of the sample's exact corners."""
+    from cubicfish import Target
     from cubicfish.fit import calibrate
     from cubicfish.io.corners_csv import load_corners
-    from cubicfish.target.target import load_target
 
-    target = load_target(SAMPLE / "target.yaml")
+    target = Target.load(SAMPLE / "target.yaml")
     pairs = load_corners(SAMPLE / "true_corners.csv", target)
     return calibrate.calibrate(pairs, target=target, hold_out=False)
 

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from cubicfish.angles import angle_from_axis, azimuth, unit_rays
 from cubicfish.errors import ViewError
 from cubicfish.models.lift import evaluate_cubics, lift
-from cubicfish.models.pupil import from_pupil, from_pupil_and_slopes
+from cubicfish.models.pupil import from_pupil, from_pupil_and_slopes, pupil_profile
 from cubicfish.models.radial import RadialCamera
 from cubicfish.models.sphere import cone_rays, ray_at, rays_of_pixels
 from cubicfish.types import FloatArray
@@ -71,6 +71,13 @@ class CubicCamera(Brief):
     def scaled(self, factor: float) -> CubicCamera:
         """The same for points in another unit, of which ``factor`` make one of ``units``."""
         return replace(self, pupil_travel=self.pupil_travel * factor, units=None)
+
+    def pupil_shift(self, rays: npt.ArrayLike) -> FloatArray:
+        """How far along the axis from the camera's place rays (..., 3) enter the lens, (...).
+
+        In ``units``; 0 along the axis and where there is no direction.
+        """
+        return self.pupil_travel * np.nan_to_num(pupil_profile(np.asarray(rays, float)))
 
     def for_photos(self, size: tuple[int, int]) -> CubicCamera:
         """The camera of photos of ``size``: the calibrated size, or of the same shape.

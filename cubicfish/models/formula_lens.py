@@ -9,6 +9,7 @@ derivatives too, follows from these.
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -38,10 +39,14 @@ _PIXELS = ("fx", "fy", "cx", "cy", "skew")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FormulaLens(Lens):
-    """A lens whose fields are its parameters."""
+    """A lens whose fields are its parameters.
 
-    FIXED: ClassVar[Mapping[str, Any]] = {"fixed": True}
-    """Metadata of a field that is no parameter of a fit."""
+    Attributes:
+        FIXED: the metadata of a field that is no parameter of a fit (of the class).
+
+    """
+
+    FIXED: ClassVar[Mapping[str, Any]] = MappingProxyType({"fixed": True})
 
     def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`Lens`: by differences."""

@@ -6,9 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
-from cubicfish.errors import CorrespondenceError, FitError
+from cubicfish.errors import FitError
 from cubicfish.files.frame_names import FrameName
-from cubicfish.files.tables import read_table
 from cubicfish.wording import quoted
 
 TOLERANCE = 5e-3
@@ -60,42 +59,6 @@ def match_shots(
     if isinstance(shots, str):
         raise FitError(f"shots {quoted(shots)} is not known: use 'name', 'time', or rows")
     return shots_of_table(photos, shots)
-
-
-def load_shots(path: Path) -> list[Row]:
-    """Which photos are of one shot, by a table: rows for :func:`calibrate_rig`.
-
-    Args:
-        path: a CSV file with the columns ``shot,camera,image``.
-
-    Raises:
-        CorrespondenceError: it is none.
-
-    """
-    names = ("shot", "camera", "image")
-    columns = read_table(path, required=names, optional=(), error=CorrespondenceError).columns
-    return list(zip(*(columns[name] for name in names), strict=True))
-
-
-def load_times(path: Path, cameras: Sequence[str]) -> Times:
-    """When photos were taken, by a table with the columns ``camera,image,seconds``.
-
-    Raises:
-        CorrespondenceError: it is none, or names none of the cameras.
-
-    """
-    names = ("camera", "image", "seconds")
-    table = read_table(path, required=names, optional=(), error=CorrespondenceError)
-    rows = zip(table.columns["camera"], table.columns["image"], strict=True)
-    times: dict[str, dict[str, float]] = {}
-    for (camera, image), time in zip(rows, table.floats("seconds").tolist(), strict=True):
-        times.setdefault(camera, {})[image] = time
-    if not set(times) & set(cameras):
-        raise CorrespondenceError(
-            f"{path} has times of {', '.join(map(quoted, sorted(times)[:5]))} and of none of the "
-            f"cameras {', '.join(cameras)}: write their names into its column camera"
-        )
-    return times
 
 
 def shots_by_name(photos: Mapping[str, Sequence[str]]) -> Shots:
@@ -219,6 +182,8 @@ def shots_of_table(photos: Mapping[str, Sequence[str]], rows: Sequence[Row]) -> 
                 f"shot {quoted(shot)}: camera {camera} has two photos of a shot, or one of two"
             )
         listed[camera][name] = shot
+    if not any(listed.values()):
+        raise FitError("no row of shots is of these photos: each is (shot, camera, photo)")
     return _number_shots(listed.values())
 
 

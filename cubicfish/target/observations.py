@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish.arrays import Refusal
-from cubicfish.errors import CorrespondenceError
+from cubicfish.errors import CorrespondenceError, TargetError
 from cubicfish.files.reading import MAX_COORDINATE
 from cubicfish.target.target import Target
 from cubicfish.types import BoolArray, FloatArray, IntArray
@@ -257,7 +257,10 @@ class Observations(Brief):
         board, place = index[self.board], np.stack([self.column, self.row], axis=-1)
         unknown = np.flatnonzero(board < 0)
         if unknown.size:
-            refuse(unknown[0], no_such_board(self.boards[self.board[unknown[0]]], target))
+            try:
+                target.board(self.boards[self.board[unknown[0]]])
+            except TargetError as problem:
+                refuse(unknown[0], str(problem))
         size = np.array([(one.columns, one.rows) for one in target.boards])[board]
         outside = np.flatnonzero(((place < 0) | (place >= size)).any(axis=1))
         if outside.size:
@@ -352,11 +355,6 @@ class Observations(Brief):
         )
         own._refuse_weights(own._refuse)
         return own
-
-
-def no_such_board(name: str, target: Target) -> str:
-    """What a message says about a board that a target does not have."""
-    return f"board {quoted(name)} is not in the target: {did_you_mean(name, target.board_names)}"
 
 
 def _stack_photos(

@@ -19,7 +19,7 @@ from cubicfish.target.boards.board import Board
 from cubicfish.target.boards.section import AXES_TOLERANCE, Section
 from cubicfish.target.boards.types import BOARD_TYPES
 from cubicfish.types import FloatArray, IntArray
-from cubicfish.wording import Brief, quoted
+from cubicfish.wording import Brief, did_you_mean, quoted
 
 # A refined target of some ten thousand corners, each with its offset.
 MAX_BYTES = 4_000_000
@@ -35,13 +35,35 @@ class Target(Brief):
 
     @classmethod
     def load(cls, path: Path | str) -> Target:
-        """Read ``target.yaml``, as :func:`load_target` does.
+        """Read ``target.yaml``.
 
         Raises:
-            TargetError: the file cannot be read or does not describe a usable target.
+            TargetError: the file cannot be read or does not describe a usable target; the text
+                names the file, the board and the key.
 
         """
-        return load_target(Path(path))
+        return cls.from_data(cls.load_data(path), str(path))
+
+    @staticmethod
+    def load_data(path: Path | str) -> Any:
+        """The plain data of a target file, whatever they hold.
+
+        Raises:
+            TargetError: the file cannot be read, or is of a camera.
+
+        """
+        data = load_plain_yaml(
+            Path(path), error=TargetError, max_bytes=MAX_BYTES, if_empty=_NO_TARGET
+        )
+        if isinstance(data, dict) and "cubicfish" in data and "boards" not in data:
+            raise TargetError(f"{path} is a camera file, not a calibration target: {_NO_TARGET}")
+        return data
+
+    def text(self) -> str:
+        """The text of its file, which :meth:`load` reads back."""
+        boards = [board.as_record() for board in self.as_printed().boards]
+        mirrored = {"mirrored": True} if self.mirrored else {}
+        return plain_yaml_text({"units": self.units, **mirrored, "boards": boards})
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any], where: str = "target") -> Target:
@@ -66,6 +88,26 @@ class Target(Brief):
     def board_names(self) -> tuple[str, ...]:
         """The boards' names, in the file's order."""
         return tuple(board.name for board in self.boards)
+
+    def board(self, name: str, *, flat: bool = False) -> Board:
+        """The board of this name.
+
+        Args:
+            name: one of :attr:`board_names`.
+            flat: whether it must have a plane.
+
+        Raises:
+            TargetError: there is none, and the text names the nearest; or it has no plane.
+
+        """
+        if name not in self.board_names:
+            near = did_you_mean(name, self.board_names)
+            raise TargetError(f"board {quoted(name)} is not in the target: {near}")
+        one = self.boards[self.board_names.index(name)]
+        if flat and one.points is not None:
+            what = f"board {quoted(name)} is a list of points and has no plane"
+            raise TargetError(what, do="name a board with a grid")
+        return one
 
     def with_boards(self, boards: Mapping[int, Board]) -> Target:
         """The target with other boards in place of those with these indices."""
@@ -134,30 +176,6 @@ _NO_TARGET = (
 )
 
 
-def load_target(path: Path) -> Target:
-    """Read ``target.yaml``.
-
-    Raises:
-        TargetError: the file cannot be read or does not describe a usable target; the text
-            names the file, the board and the key.
-
-    """
-    return Target.from_data(load_target_data(path), str(path))
-
-
-def load_target_data(path: Path) -> Any:
-    """The plain data of a target file, whatever they hold.
-
-    Raises:
-        TargetError: the file cannot be read, or is of a camera.
-
-    """
-    data = load_plain_yaml(Path(path), error=TargetError, max_bytes=MAX_BYTES, if_empty=_NO_TARGET)
-    if isinstance(data, dict) and "cubicfish" in data and "boards" not in data:
-        raise TargetError(f"{path} is a camera file, not a calibration target: {_NO_TARGET}")
-    return data
-
-
 def _make_target(where: str, data: object) -> Target:
     if not isinstance(data, dict):
         raise TargetError(f"{where} must hold the keys units and boards: {_NO_TARGET}")
@@ -201,13 +219,6 @@ def _make_board(path: str, number: int, entry: object, *, alone: bool) -> Board:
     section.where = f"{path}, board {quoted(name)}"
     kind = section.choice("type", BOARD_TYPES, hint="one of " + ", ".join(BOARD_TYPES))
     return BOARD_TYPES[kind].read(section, name, alone=alone)
-
-
-def target_text(target: Target) -> str:
-    """The text of a target file, which :func:`cubicfish.target.target.load_target` reads back."""
-    boards = [board.as_record() for board in target.as_printed().boards]
-    mirrored = {"mirrored": True} if target.mirrored else {}
-    return plain_yaml_text({"units": target.units, **mirrored, "boards": boards})
 
 
 def _refuse_overlaps(where: str, boards: Sequence[Board]) -> None:

@@ -6,6 +6,7 @@ the photo was taken, as long as the plane's place in the camera's frame is known
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,10 +17,8 @@ from cubicfish.errors import ViewError
 from cubicfish.views.fields import in_picture
 from cubicfish.views.maps import seen_near
 from cubicfish.views.view import PlaneView, PointProjector
-from cubicfish.wording import did_you_mean, quoted
 
 if TYPE_CHECKING:
-    from cubicfish.target.boards.board import Board
     from cubicfish.target.target import Target
 
 _SQUARE_TOLERANCE = 1e-6
@@ -53,16 +52,22 @@ def build_plane(
             default a square.
 
     Raises:
-        ViewError: there is no such board, it has no plane, the pose is not one, or the camera does
-            not see the plane, or sees it from behind, where the picture would be mirrored.
+        TargetError: there is no such board, or it has no plane.
+        ViewError: the pose is not one, or the camera does not see the plane, or sees it from
+            behind, where the picture would be mirrored.
 
     """
     refusal = Refusal(error=ViewError)
+    for name, value in (("pixels_per_unit", pixels_per_unit), ("margin", margin)):
+        if value is not None and not (math.isfinite(value) and value >= 0):
+            raise ViewError(f"{name} must be a finite number of 0 or more, not {value}")
+    if pixels_per_unit == 0:
+        raise ViewError("pixels_per_unit must be above 0")
     turn = refusal.numbers(rotation, "rotation", 3)
     if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=_SQUARE_TOLERANCE):
         raise ViewError("rotation is no rotation matrix (3, 3)")
     place = refusal.numbers([np.asarray(translation)], "translation", 3)[0]
-    plane = board_with_plane(target, board)
+    plane = target.board(board, flat=True)
     beyond = plane.square if margin is None else margin
     low, high = plane.plane_points([0, plane.columns - 1], [0, plane.rows - 1])
     low, high = low - beyond, high + beyond
@@ -95,22 +100,3 @@ def build_plane(
     }
     size = (max(1, round(float(sides[0]) * scale)), max(1, round(float(sides[1]) * scale)))
     return PlaneView(size=size, pixels_per_unit=scale, **vectors)
-
-
-def board_with_plane(target: Target, name: str) -> Board:
-    """A board of a target, by its name.
-
-    Raises:
-        ViewError: there is none, or it has no plane.
-
-    """
-    names = {board.name: board for board in target.boards}
-    if name not in names:
-        raise ViewError(
-            f"the target has no board {quoted(name)}: {did_you_mean(name, sorted(names))}"
-        )
-    if names[name].points is not None:
-        raise ViewError(
-            f"board {quoted(name)} is a list of points and has no plane: name a board with a grid"
-        )
-    return names[name]

@@ -43,6 +43,7 @@ from cubicfish_cli.terminal.terminal import (
     detail,
     print_message,
     print_next,
+    print_removed,
     print_wrote,
     result,
 )
@@ -322,7 +323,6 @@ def _make_contents(
 ) -> dict[str, Content | None]:
     """Return what the planned files hold, by their kind; None for those that are not to be."""
     from cubicfish import Calibration
-    from cubicfish.target.target import target_text
 
     corners = observed.corners if "corners" in goals else None
     contents: dict[str, Content | None] = dict(camera_contents(fitted.text(), corners))
@@ -334,7 +334,7 @@ def _make_contents(
             width, height = fitted.camera.image_size
             run.listener.tell(Event.NO_MAP, width=width, height=height)
         if fitted.refined != "off" and fitted.target is not None:
-            contents["target"] = target_text(fitted.target)
+            contents["target"] = fitted.target.text()
     for name, (maker, _) in extension_outputs().items():
         if name in goals:
             contents[name] = page(maker, fitted, observed.pairs, observed.photos, run=run)
@@ -378,8 +378,7 @@ def command(made: CalibratedFiles, given: CalibrateOptions, how: How) -> None:
         apart()
         result(fitted.line, mark=(fitted.verdict.words, fitted.verdict.level))
         _print_calibration(made)
-    for path in made.removed:
-        print_message(f"removed {path}, which was of an earlier calibration")
+    print_removed(made.removed)
     _report_missing_page(made.files, wanted=given.report)
     figures.enforce_max_rms(fitted.fit.rms_px, how.max_rms)
 
@@ -416,7 +415,7 @@ def _print_calibration(made: CalibratedFiles) -> None:
     lost = dict.fromkeys(fitted.unfit, "left out")  # stderr has the reasons
     lost |= figures.why_lost(detection)
     by_board = figures.corners_by_board(fitted.pairs)
-    rows = figures.fitted_rows(fit, fitted.camera.image_size, by_board, lost)
+    rows = figures.fitted_rows(fitted, by_board, lost)
     everything = str(made.files["camera"])
     figures.print_photo_table(rows, fitted.pairs.boards, everything=everything, apart=True)
     result()

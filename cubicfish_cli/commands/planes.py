@@ -10,6 +10,7 @@ from cubicfish import (
     CubicCamera,
     Event,
     Run,
+    TargetError,
     UsageError,
     ViewError,
     build_plane,
@@ -21,7 +22,6 @@ from cubicfish.judge import FitRecord
 from cubicfish.observe import find_corners
 from cubicfish.photos import Photo
 from cubicfish.views import ChosenView, Interpolation, PointProjector
-from cubicfish.views.plane import board_with_plane
 from cubicfish.views.view import matrix_of_rotation
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.undistortion.batch import Size, Views
@@ -53,8 +53,8 @@ class PlaneViews(Views):
         self._plane, self._target = options, target_in(options.target)
         self.interpolation = how
         try:
-            board_with_plane(self._target, options.board)
-        except ViewError as problem:
+            self._target.board(options.board, flat=True)
+        except TargetError as problem:
             raise UsageError(str(problem)) from None
         self._poses = _read_poses(fit)
         self._photos = {Path(photo.image).name for photo in fit.per_image}

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from cubicfish import CameraFileError, FloatArray, quoted
 from cubicfish.files import read_text
 from cubicfish.files.plain_yaml import mapping
-from cubicfish.units import times
+from cubicfish.target import MILLIMETRES
 
 Pose = tuple[FloatArray, FloatArray]
 """Rotation (3, 3) and translation (3,)."""
@@ -89,14 +89,14 @@ class LensRig:
             CameraFileError: it is not known which unit that is.
 
         """
-        metres = times(self.units, "m") if self.units else None
-        if metres is None:
+        size = MILLIMETRES.get((self.units or "").lower())
+        if size is None:
             what = "says no unit of length" if self.units is None else f"is in {quoted(self.units)}"
             raise CameraFileError(
                 f"the rig {what}, and this format is in metres: write units: mm (or cm, m, in, ft) "
                 "into rig.yaml"
             )
-        return metres
+        return size / MILLIMETRES["m"]
 
     def between(self, second: int, first: int) -> Pose:
         """second_from_first, (3, 3) and (3,), in the rig's units."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import CubicfishError, Listener, TargetError, UsageError, quoted
 from cubicfish.files import StrPath
-from cubicfish.units import MILLIMETRES
+from cubicfish.target import MILLIMETRES
 
 if TYPE_CHECKING:
     from cubicfish import Target
@@ -130,9 +130,8 @@ def load_targets(path: Path) -> list[Target]:
 
     """
     from cubicfish import Target
-    from cubicfish.target.target import load_target_data
 
-    data = load_target_data(path)
+    data = Target.load_data(path)
     if isinstance(data, dict) and "target_type" in data:
         return colourings(Target.from_data(_convert_kalibr(str(path), data), str(path)))
     return [Target.from_data(data, str(path))]

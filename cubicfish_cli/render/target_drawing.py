@@ -10,9 +10,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from cubicfish import FloatArray, Target
-from cubicfish.models.sphere import all_around
+from cubicfish.models import cone_rays
 from cubicfish.target import Board
-from cubicfish.target.boards.board import AROUND_SQUARE
 from cubicfish_cli.render.drawing import drawing, lay_out
 
 _STYLE: dict[Any, Any] = {"svg.hashsalt": "target", "svg.fonttype": "none", "font.size": 10}
@@ -107,7 +106,7 @@ def _list_dark_squares(board: Board) -> FloatArray:
         row, column = np.indices((board.rows + 1, board.columns + 1)).reshape(2, -1)
         dark = (row + column) % 2 == (board.first_square == "light")
         first = np.stack([column, row], axis=-1)[dark] - 1
-    corner = first[:, None] + AROUND_SQUARE
+    corner = first[:, None] + Board.AROUND_SQUARE
     return board.plane_points(corner[..., 0], corner[..., 1])
 
 
@@ -177,7 +176,7 @@ def _find_up(boards: list[Board]) -> FloatArray:
 
 def _find_viewing_direction(boards: list[Board], up: FloatArray) -> FloatArray:
     """The direction towards a viewer who sees most faces well, a little from above and aside."""
-    ways = all_around(_DIRECTIONS)
+    ways = cone_rays(np.pi, _DIRECTIONS)
     ways = ways[np.abs(ways @ up) < 0.9]
     normals = -np.array([board.axes[2] for board in boards]).reshape(-1, 3)
     cosine = ways @ normals.T

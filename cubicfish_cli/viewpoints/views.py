@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish import BoolArray, CubicCamera, FloatArray, IntArray, Target, TargetError
-from cubicfish.models.pupil import pupil_profile
 from cubicfish.target import Board
 from cubicfish_cli.render.board_faces import marker_ink
 from cubicfish_cli.viewpoints.truth import (
@@ -76,7 +75,7 @@ class NearLens:
 
     def ray_starts(self, rays: FloatArray) -> FloatArray:
         """See :class:`WanderingPupil`."""
-        return self.camera.pupil_travel * np.nan_to_num(pupil_profile(np.asarray(rays, float)))
+        return self.camera.pupil_shift(rays)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,6 +13,10 @@ OPTIONS: Mapping[str, str] = {
     "skip_existing": "--skip-existing",
     "image_size": "--size WxH",
     "max_angle_deg": "--max-angle",
+    "jobs": "--jobs 1",
+    "shots": "--shots",
+    "tolerance": "--tolerance",
+    "lift": "--lift ray",
     "kind": "--view",
     "size": "--size",
     "hfov_deg": "--hfov",
@@ -22,10 +26,6 @@ OPTIONS: Mapping[str, str] = {
     "focal": "--scale",
     "fit": "--fit",
     "rotate_deg": "--rotate",
-    "jobs": "--jobs 1",
-    "shots": "--shots",
-    "tolerance": "--tolerance",
-    "lift": "--lift ray",
     "plane": "'undistort --view plane:BOARD'",
 }
 """What the command line calls the arguments that help against an error, by their names."""

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from cubicfish.files import FrameName
-from cubicfish.units import MILLIMETRES
+from cubicfish.target import MILLIMETRES
 
 _MOST_FILMS = 3
 _IMPERIAL = ("in", "inch", "inches", "ft")

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from cubicfish import listed
-from cubicfish.units import MILLIMETRES
+from cubicfish.target import MILLIMETRES
 from cubicfish_cli.words.phrases import pick
 
 if TYPE_CHECKING:

@@ -13,7 +13,6 @@ from cubicfish.judge.codes import Code
 from cubicfish.observe import detection as passes
 from cubicfish.observe.detection import first_pass
 from cubicfish.photos import find_photos
-from cubicfish.target.target import load_target
 from cubicfish.workers import Work
 from cubicfish_cli.words.remarks import remark_lines
 
@@ -22,7 +21,7 @@ SAMPLE = Path(__file__).parents[2] / "sample_data"
 
 @pytest.fixture(scope="module")
 def target():
-    return load_target(SAMPLE / "target.yaml")
+    return Target.load(SAMPLE / "target.yaml")
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,6 @@ from listening import Heard
 from running import SAMPLE, run_cli
 
 from cubicfish import OutputError, UsageError
-from cubicfish.target.target import target_text
 from cubicfish_cli import (
     CalibrateOptions,
     CompareOptions,
@@ -82,7 +81,7 @@ def test_a_target_in_memory_is_written_beside_its_camera(tmp_path: Path, quick_f
     made = calibrate_files(
         CalibrateOptions(inputs=[CORNERS], target=target, folder=tmp_path / "c", report=False)
     )
-    assert target_text(Target.load(made.files["drawn"])) == target_text(target)
+    assert Target.load(made.files["drawn"]).text() == target.text()
     of = load_camera(made.files["camera"]).made_by["target"]
     assert of["file"] == str(made.files["drawn"])
 

@@ -27,6 +27,7 @@ from cubicfish import (
     DetectionError,
     FitError,
     OutputError,
+    TargetError,
     UsageError,
     ViewError,
 )
@@ -426,7 +427,9 @@ def test_planes_that_are_none_are_refused(fitted: Calibration, target: Target) -
     def said(board: str, *pose: Any) -> str:
         return refusal(ViewError, lambda: build_plane(fitted.camera, target, board, *pose))
 
-    assert "no board 'flor': did you mean" in said("flor", rotation, translation)
+    assert "'flor' is not in the target: did you mean 'floor'" in refusal(
+        TargetError, lambda: build_plane(fitted.camera, target, "flor", rotation, translation)
+    )
     assert "no rotation matrix" in said("floor", 2 * rotation, translation)
     assert "no rotation matrix" in said("floor", rotation[:2], translation)
     assert "not finite" in said("floor", rotation * np.nan, translation)

@@ -6,7 +6,6 @@ import pytest
 from symmetric_board import drawn, misnamed, photos
 
 from cubicfish import Calibration
-from cubicfish.target.target import target_text
 from cubicfish_cli import (
     CalibrateOptions,
     EvaluateOptions,
@@ -30,7 +29,7 @@ def test_what_is_written_goes_together(tmp_path: Path, kept: str) -> None:
     save_corners(table, given)
     before = table.read_bytes()
     drawing = tmp_path / "target.yaml"
-    drawing.write_text(target_text(target), encoding="utf-8")
+    drawing.write_text(target.text(), encoding="utf-8")
     found = calibrate_files(
         CalibrateOptions(
             inputs=table, target=drawing, folder=folder, refine_target="points", report=False

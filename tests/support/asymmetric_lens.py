@@ -15,15 +15,14 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish import FloatArray
-from cubicfish.angles import angle_from_axis, columns
+from cubicfish.angles import columns
 from cubicfish.geometry import (
-    decentring,
     decentring_slope,
     inverse_of_growing,
     kannala_brandt,
     kannala_brandt_slope,
 )
-from cubicfish.models import FocalLens, RadialCamera
+from cubicfish.models import FocalLens, FormulaLens, RadialCamera, angle_from_axis, decentring
 
 _CHECKED_ANGLES = 4096
 _DECENTRING_ROUNDS = 8
@@ -57,7 +56,7 @@ class AsymmetricLens(FocalLens):
     k: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     p: tuple[float, float] = (0.0, 0.0)
     tilt: tuple[float, float] = (0.0, 0.0)
-    max_angle_deg: float = field(default=95.0, metadata=FocalLens.FIXED)
+    max_angle_deg: float = field(default=95.0, metadata=FormulaLens.FIXED)
 
     def __post_init__(self) -> None:
         angles = np.linspace(0.0, self.max_angle, _CHECKED_ANGLES)

@@ -9,9 +9,8 @@ import numpy.typing as npt
 
 from cubicfish import CubicCamera
 from cubicfish.fit.nearest_cubic import linear_ratios
-from cubicfish.models import RadialCamera
+from cubicfish.models import RadialCamera, cone_rays
 from cubicfish.models.lift import lift, sphere_basis
-from cubicfish.models.sphere import cone_rays
 
 
 def radial_camera(

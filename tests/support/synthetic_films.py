@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish import BoolArray, FloatArray, IntArray, Target
-from cubicfish.angles import angle_from_axis
+from cubicfish.models import angle_from_axis
 from cubicfish.target import Board
 from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.extensions.simulation.simulate import (

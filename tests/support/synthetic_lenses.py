@@ -26,8 +26,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish import BoolArray, FloatArray
-from cubicfish.angles import angle_from_axis, columns
-from cubicfish.units import MILLIMETRES
+from cubicfish.angles import columns
+from cubicfish.models import angle_from_axis
+from cubicfish.target import MILLIMETRES
 from cubicfish_cli.viewpoints.truth import rotation_matrix
 
 # A point's angle and its pupil depend on each other: each round gains a factor of the distance

@@ -17,7 +17,6 @@ from asymmetric_lens import AsymmetricLens
 
 from cubicfish import Observations, Target, save_corners
 from cubicfish.target.boards.shape import BoardShape
-from cubicfish.target.target import target_text
 from cubicfish_cli.viewpoints.truth import Pose
 
 FloatArray = npt.NDArray[np.float64]
@@ -46,7 +45,7 @@ class SetUp:
     def save(self, folder: Path) -> list[str]:
         """Write both files and return the command's arguments."""
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "target.yaml").write_text(target_text(self.target), encoding="utf-8")
+        (folder / "target.yaml").write_text(self.target.text(), encoding="utf-8")
         save_corners(folder / "corners.csv", self.corners, overwrite=True)
         return [
             "calibrate",

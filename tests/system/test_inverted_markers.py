@@ -11,7 +11,6 @@ from cubicfish.find import find_grids
 from cubicfish.find.detection.grids import negative_grids, negative_photo
 from cubicfish.observe.detection import first_pass
 from cubicfish.photos import find_photos
-from cubicfish.target.target import target_text
 from cubicfish.workers import Work
 from cubicfish_cli.render.board_faces import board_face
 from cubicfish_cli.words.sentences import render
@@ -72,7 +71,7 @@ def test_none_is_read_the_wrong_way_round():
 
 
 def test_the_file_says_what_it_said():
-    text = yaml.safe_load(target_text(INVERTED))
+    text = yaml.safe_load(INVERTED.text())
     assert text["boards"][0]["inverted"] is True
     assert text["boards"][0]["first_square"] == "light"
     assert "inverted" not in text["boards"][1]

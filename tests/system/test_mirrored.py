@@ -23,7 +23,6 @@ from cubicfish.observe.detection import first_pass
 from cubicfish.photos import find_photos
 from cubicfish.solve.statistics import rms_px
 from cubicfish.target.boards.shape import BoardShape
-from cubicfish.target.target import target_text
 from cubicfish.workers import Work
 from cubicfish_cli.render.board_faces import board_face
 from cubicfish_cli.words.sentences import render
@@ -59,7 +58,7 @@ def mirrored_photos(target, photos=6):
 
 @pytest.mark.slow
 def test_a_mirrored_object_is_named_and_fitted_as_the_mirror_shows_it():
-    target = Target.from_data({"mirrored": True, **yaml.safe_load(target_text(corner_of_three()))})
+    target = Target.from_data({"mirrored": True, **yaml.safe_load(corner_of_three().text())})
     grids, names_of = mirrored_photos(target.as_printed())
     identified = name_grids(grids, target, IMAGE_SIZE, names(len(grids)))
     corners = identified.corners
@@ -173,11 +172,11 @@ def test_the_file_says_what_it_said():
     target = Target.from_data({**DATA, "mirrored": True})
     assert target.mirrored
     assert not printed.mirrored
-    assert yaml.safe_load(target_text(target)) == {
+    assert yaml.safe_load(target.text()) == {
         "mirrored": True,
-        **yaml.safe_load(target_text(printed)),
+        **yaml.safe_load(printed.text()),
     }
-    again = Target.from_data(yaml.safe_load(target_text(target)))
+    again = Target.from_data(yaml.safe_load(target.text()))
     np.testing.assert_allclose(again.corners()[3], target.corners()[3])
 
 

@@ -20,7 +20,7 @@ from cubicfish.comparison import aligned_difference
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.evaluate import evaluate
 from cubicfish.io.camera_yaml import camera_text
-from cubicfish.models.sphere import cone_rays
+from cubicfish.models import cone_rays
 
 EXAMPLES = int(os.environ.get("CUBICFISH_TEST_EXAMPLES", "5"))
 NOISE = 0.1

@@ -14,9 +14,8 @@ import yaml
 from running import SAMPLE, run_cli
 from saved_maps import read_map
 
-from cubicfish import Rig, load_camera
+from cubicfish import Rig, Target, load_camera
 from cubicfish.rigs.rig import RigFit
-from cubicfish.target.target import load_target
 from cubicfish_cli.core_table import COMMANDS, commands_of
 from cubicfish_cli.extension_guard import extension_commands
 from cubicfish_cli.terminal.main import cli
@@ -159,8 +158,8 @@ def test_the_target_is_one_that_is_read(tmp_path: Path) -> None:
     (text,) = blocks("yaml", ALL[ROOT / "docs" / "targets.md"])
     path = tmp_path / "target.yaml"
     path.write_text(text)
-    target = load_target(path)
-    sample = load_target(SAMPLE / "target.yaml")
+    target = Target.load(path)
+    sample = Target.load(SAMPLE / "target.yaml")
     for board, other in zip(target.boards, sample.boards, strict=False):
         corners = ([0, 1, 2], [0, 2, 1])
         np.testing.assert_allclose(board.world_points(*corners), other.world_points(*corners))

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 from synthetic import corner_of_three
 
-from cubicfish import load_camera, load_corners
-from cubicfish.angles import angle_from_axis
-from cubicfish.models.sphere import cone_rays
-from cubicfish.target.target import load_target
+from cubicfish import Target, load_camera, load_corners
+from cubicfish.models import angle_from_axis, cone_rays
 
 SAMPLE = Path(__file__).parents[2] / "sample_data"
 
@@ -32,7 +30,7 @@ def test_the_files_are_few_and_small(script):
 
 @pytest.mark.slow
 def test_the_photos_show_what_the_script_renders(script):
-    target, lens = load_target(SAMPLE / "target.yaml"), script.true_lens()
+    target, lens = Target.load(SAMPLE / "target.yaml"), script.true_lens()
     name = "corner_03.jpg"
     photo = cv2.imread(str(SAMPLE / "photos" / name), cv2.IMREAD_UNCHANGED)
     again = script.photograph(script.Room(target), lens, script.poses()[name], rays_a_side=1)
@@ -44,7 +42,7 @@ def test_the_photos_show_what_the_script_renders(script):
 
 
 def test_the_true_corners_are_the_scripts(script, tmp_path):
-    target, lens = load_target(SAMPLE / "target.yaml"), script.true_lens()
+    target, lens = Target.load(SAMPLE / "target.yaml"), script.true_lens()
     (tmp_path / "again.csv").write_text(script.true_corners(target, lens), encoding="utf-8")
     again = load_corners(tmp_path / "again.csv", target)
     corners = load_corners(SAMPLE / "true_corners.csv", target)
@@ -69,7 +67,7 @@ def test_the_true_camera_is_near_the_scripts_lens(script):
 
 
 def test_the_object_is_that_of_the_other_tests():
-    loaded, built = load_target(SAMPLE / "target.yaml"), corner_of_three()
+    loaded, built = Target.load(SAMPLE / "target.yaml"), corner_of_three()
     for one, other in zip(loaded.boards, built.boards, strict=True):
         assert (one.name, one.columns, one.rows) == (other.name, other.columns, other.rows)
         np.testing.assert_allclose(one.world_points(2, 3), other.world_points(2, 3))

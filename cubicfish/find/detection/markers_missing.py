@@ -14,7 +14,7 @@ from cubicfish.find.detection.grids import Float32Array, Rows
 from cubicfish.find.detection.lattice import LocalFit, neighbours
 from cubicfish.find.detection.markers_lattice import BoardLattice
 from cubicfish.find.detection.pyramid import Pyramid
-from cubicfish.target.boards.board import AROUND_SQUARE
+from cubicfish.target.boards.board import Board
 from cubicfish.types import BoolArray, FloatArray
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
@@ -130,13 +130,13 @@ def hidden(photo: Float32Array, lattices: Sequence[BoardLattice]) -> Float32Arra
     shapes = []
     for lattice in lattices:
         first = np.stack(np.meshgrid(*map(np.arange, lattice.known.shape), indexing="ij"), axis=-1)
-        shapes.append(lattice.whole_squares(first.reshape(-1, 1, 2) + AROUND_SQUARE)[1])
+        shapes.append(lattice.whole_squares(first.reshape(-1, 1, 2) + Board.AROUND_SQUARE)[1])
     return _paint(photo, shapes)
 
 
 def hidden_around(photo: Float32Array, lattices: Sequence[BoardLattice]) -> Float32Array:
     """The same of all squares (tags) that have a known corner, those beyond the outermost too."""
-    around = np.asarray(2 * AROUND_SQUARE - 1, float)
+    around = np.asarray(2 * Board.AROUND_SQUARE - 1, float)
     return _paint(photo, [lattice.fit(lattice.cells()).at(around) for lattice in lattices])
 
 

@@ -27,7 +27,7 @@ from cubicfish.find.detection.markers_detect import (
 from cubicfish.find.detection.markers_lattice import BoardLattice
 from cubicfish.find.detection.markers_missing import Part
 from cubicfish.find.detection.pyramid import Pyramid
-from cubicfish.target.boards.board import AROUND_SQUARE, Board
+from cubicfish.target.boards.board import Board
 from cubicfish.types import BoolArray, FloatArray, IntArray
 
 # Modules smaller than this run into each other.
@@ -172,7 +172,7 @@ def read_grid(sight: Sight, grid: Grid) -> SeenMarkers:
 def cell_corners(board: Board, cell: IntArray) -> IntArray:
     """Corners (N, 4, 2) around cells (N, 2) of a board: columns and rows, in order around each."""
     first = 2 * cell if board.per_cell == 2 else cell - 1
-    return np.asarray(first[:, None] + AROUND_SQUARE)
+    return np.asarray(first[:, None] + Board.AROUND_SQUARE)
 
 
 def quarter_turns(grid: Grid) -> Iterator[tuple[IntArray, IntArray]]:

@@ -18,9 +18,6 @@ from cubicfish.types import FloatArray, IntArray
 FirstSquare = Literal["dark", "light"]
 _OTHER: dict[FirstSquare, FirstSquare] = {"dark": "light", "light": "dark"}
 
-# From the first corner of a square to all four, in order around it.
-AROUND_SQUARE: IntArray = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.intp)
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Board(ABC):
@@ -36,6 +33,7 @@ class Board(ABC):
         per_cell: corners along each side of one cell of the print: 2 on a tag, else 1.
         marker_borders: widths in modules of the frames that its markers may have; they are
             printed with the first.
+        AROUND_SQUARE: (4, 2) from the first corner of a square to all four, in order around it.
         name: unique within the target.
         columns, rows: number of corners along x and along y (a list of points: their count, 1).
         square: side of a square, in the target's units (0 for points; the side of a tag).
@@ -58,6 +56,7 @@ class Board(ABC):
     has_squares: ClassVar[bool] = False
     per_cell: ClassVar[int] = 1
     marker_borders: ClassVar[tuple[int, ...]] = ()
+    AROUND_SQUARE: ClassVar[IntArray] = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.intp)
 
     name: str
     columns: int

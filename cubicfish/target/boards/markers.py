@@ -2,7 +2,9 @@
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 # Number of markers in each family, as cv2.aruco.getPredefinedDictionary has them.
 MARKER_DICTIONARIES: dict[str, int] = {
@@ -26,6 +28,7 @@ class Markers:
     """The markers printed on a ``charuco`` or ``aprilgrid`` board.
 
     Attributes:
+        DICTIONARIES: name of each marker family -> how many markers it has.
         dictionary: name of the marker family as cv2.aruco spells it (``DICT_...``).
         side: side of a marker, in the target's units.
         first: id of the board's first marker.
@@ -34,6 +37,8 @@ class Markers:
             squares then.
 
     """
+
+    DICTIONARIES: ClassVar[Mapping[str, int]] = MARKER_DICTIONARIES
 
     dictionary: str
     side: float

@@ -6,8 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish import CubicCamera, FloatArray
-from cubicfish.angles import angle_from_axis
-from cubicfish.models import Lens
+from cubicfish.models import Lens, angle_from_axis
 from cubicfish_cli.viewpoints.views import WholeLens
 
 _BEYOND_DEG = 10.0

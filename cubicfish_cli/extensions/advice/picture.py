@@ -10,7 +10,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from cubicfish import FloatArray
-from cubicfish.target.boards.board import AROUND_SQUARE
+from cubicfish.target import Board
 from cubicfish_cli.extensions.advice.advise import Advice
 from cubicfish_cli.extensions.advice.limited_lens import limited_lens
 from cubicfish_cli.extensions.advice.proposals import Proposal
@@ -73,7 +73,7 @@ def _draw_frame(axes: Axes, advice: Advice, title: str) -> None:
     )
     axes.set_xlabel(textwrap.fill(title, _LETTERS), loc="left", fontweight="bold")
     row, column = np.nonzero(advice.gaps.cells.empty)
-    corner = np.stack([column, row], axis=-1)[:, None] + AROUND_SQUARE
+    corner = np.stack([column, row], axis=-1)[:, None] + Board.AROUND_SQUARE
     empty = PolyCollection(
         list(corner * advice.gaps.cells.cell - 0.5),
         facecolor="none", edgecolor="#b3352a", hatch="//", linewidth=0.4, zorder=1.2,

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from cubicfish import BoolArray, FloatArray
-from cubicfish.angles import angle_from_axis
 from cubicfish.judge import FieldUncertainty
+from cubicfish.models import angle_from_axis
 from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge, side_of
 from cubicfish_cli.viewpoints.views import Viewpoint
 

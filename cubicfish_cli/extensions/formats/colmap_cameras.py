@@ -19,10 +19,8 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from cubicfish import CameraFileError, FloatArray, did_you_mean, quoted
-from cubicfish.angles import angle_from_axis, columns
 from cubicfish.files import read_bytes, read_text
-from cubicfish.geometry import decentring
-from cubicfish.models import FocalLens, Lens, RadialCamera
+from cubicfish.models import FocalLens, Lens, RadialCamera, angle_from_axis, decentring
 from cubicfish_cli.extensions.formats.lenses import PinholeLens, named_lens, named_numbers
 from cubicfish_cli.foreign.file_contents import (
     LensRig,
@@ -97,7 +95,7 @@ class RadTanThinPrismLens(FocalLens):
 
 def _project_fisheye(points: FloatArray) -> FloatArray:
     """Return (u, v) (N, 2) of camera-frame points; NaN straight behind, where it is undefined."""
-    x, y, z = columns(points)
+    x, y, z = np.moveaxis(np.asarray(points, float), -1, 0).copy()
     rho = np.hypot(x, y)
     theta = np.arctan2(rho, z)
     with np.errstate(divide="ignore", invalid="ignore"):

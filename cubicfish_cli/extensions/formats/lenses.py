@@ -15,8 +15,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from cubicfish import CameraFileError, FloatArray
-from cubicfish.geometry import decentring
-from cubicfish.models import FocalLens, Lens, RadialCamera
+from cubicfish.models import FocalLens, Lens, RadialCamera, decentring
 
 PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "τx", "τy")
 """OpenCV's order of a pinhole lens's distortion."""

@@ -18,9 +18,7 @@ import numpy as np
 from scipy import linalg, sparse
 
 from cubicfish import CubicCamera, FloatArray, IntArray
-from cubicfish.angles import angle_from_axis, azimuth
-from cubicfish.models import FocalLens, RadialCamera
-from cubicfish.models.sphere import cone_rays
+from cubicfish.models import FocalLens, RadialCamera, angle_from_axis, cone_rays
 
 _ORDER = 3
 # Intervals across the field: more are tried until the spline is this near to the camera.
@@ -202,6 +200,7 @@ def _find_outline(camera: CubicCamera) -> FloatArray:
     seen = corners[np.isfinite(camera.unproject(corners)).all(axis=1)]
     middle = camera.project(np.array([[0.0, 0.0, 1.0]]))[0]
     points = np.concatenate([outline, seen])
-    around = azimuth(points - middle)
+    x, y = (points - middle).T.copy()
+    around = np.arctan2(y, x)
     points = points[np.argsort(around, kind="stable")]
     return np.concatenate([points, points[:1]])

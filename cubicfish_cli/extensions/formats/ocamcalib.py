@@ -28,9 +28,8 @@ import numpy.typing as npt
 from numpy.polynomial import Polynomial, chebyshev, polynomial
 
 from cubicfish import CameraFileError, CubicCamera, FloatArray
-from cubicfish.angles import angle_from_axis
 from cubicfish.files import read_text
-from cubicfish.models import FormulaLens, RadialCamera
+from cubicfish.models import FormulaLens, RadialCamera, angle_from_axis
 from cubicfish.solve import nearest_lens
 from cubicfish_cli.foreign.file_contents import PlacedLens, numbers, size
 

@@ -40,7 +40,6 @@ from cubicfish import (
 )
 from cubicfish.files import csv_text, read_text
 from cubicfish.files.tables import Table, parse_table
-from cubicfish.target.observations import no_such_board
 
 MAX_BYTES = 200_000_000
 MAX_LINES = 5_000_000
@@ -135,9 +134,7 @@ def _find_board_index(path: Path, target: Target, name: str | None) -> int:
             f"{path}: it is about one board, and which of the target's ({shown}) is not known: "
             "say so with --board NAME"
         )
-    if name is not None and name not in target.board_names:
-        raise CorrespondenceError(no_such_board(name, target))
-    return 0 if name is None else target.board_names.index(name)
+    return 0 if name is None else target.boards.index(target.board(name))
 
 
 def _read_file(

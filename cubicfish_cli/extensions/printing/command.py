@@ -153,7 +153,6 @@ def print_target_files(options: PrintOptions, *, run: Run = Run()) -> PrintedFil
             and may not be replaced.
 
     """
-    from cubicfish.target.target import target_text
     from cubicfish_cli.commands.target import check_target
     from cubicfish_cli.extensions.printing.layout import boards_in_millimetres, lay_out
     from cubicfish_cli.extensions.printing.objects import design
@@ -176,7 +175,7 @@ def print_target_files(options: PrintOptions, *, run: Run = Run()) -> PrintedFil
         join = "" if len(pages) == 1 else " Cut and join them as it says, and measure."
         contents["target"] = (
             f"# {options.kind}, printed by cubicfish {__version__} on {on.name}: boards.pdf at "
-            f"100 %.{join}\n{target_text(loaded)}"
+            f"100 %.{join}\n{loaded.text()}"
         )
     with extra.quiet():
         from cubicfish_cli.extensions.printing.drawing import write_boards

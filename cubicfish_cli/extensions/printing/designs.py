@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from math import floor
 from typing import Any
 
-from cubicfish.target import BOARD_TYPES
-from cubicfish.target.boards.markers import MARKER_DICTIONARIES
+from cubicfish.target import BOARD_TYPES, Markers
 
 Counts = tuple[int, int]
 # A charuco has the smallest of these that is large enough, unless another one is named.
@@ -59,7 +58,7 @@ class Design:
         """Return the family of ``count`` markers: the chosen one, else the usual one."""
         if self.type == "aprilgrid":
             return chosen or "tag36h11"
-        enough = [one for one in _USUAL_FAMILIES if MARKER_DICTIONARIES[one] >= count]
+        enough = [one for one in _USUAL_FAMILIES if Markers.DICTIONARIES[one] >= count]
         return chosen or next(iter(enough), _USUAL_FAMILIES[-1])
 
     def record(self, counts: Counts, square: float, family: str, first: int) -> dict[str, Any]:

@@ -19,7 +19,6 @@ from matplotlib.transforms import Affine2D
 
 from cubicfish import FloatArray
 from cubicfish.target import AprilGrid, Board
-from cubicfish.target.boards.board import AROUND_SQUARE
 from cubicfish_cli import __version__
 from cubicfish_cli.extensions.printing.layout import STRIP, Cut, Page, Side
 from cubicfish_cli.render.board_faces import board_face
@@ -79,7 +78,7 @@ def ink_rectangles(board: Board) -> FloatArray:
     """Return (N, 4, 2) rectangles of a board's ink, in its plane."""
     face = board_face(board, margin=0.0)
     row, column = np.nonzero(face.dark)
-    cell = np.stack([column, row], axis=-1)[:, None] + AROUND_SQUARE
+    cell = np.stack([column, row], axis=-1)[:, None] + Board.AROUND_SQUARE
     return np.stack([face.x[cell[..., 0]], face.y[cell[..., 1]]], axis=-1)
 
 

@@ -6,8 +6,7 @@ from itertools import product
 from typing import Literal
 
 from cubicfish import Target, TargetError, quoted
-from cubicfish.target import Board
-from cubicfish.units import MILLIMETRES
+from cubicfish.target import MILLIMETRES, Board
 from cubicfish_cli.extensions.printing.paper import Paper
 from cubicfish_cli.render.board_faces import board_face
 

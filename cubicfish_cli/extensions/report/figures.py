@@ -5,8 +5,7 @@ import math
 import numpy as np
 
 from cubicfish import CubicCamera, FloatArray, aligned_difference
-from cubicfish.geometry import inside_polygon
-from cubicfish.models.sphere import ray_at
+from cubicfish.models import angle_from_axis
 from cubicfish.solve import rms_px
 from cubicfish_cli.inputs.calibration_facts import ErrorFacts, Facts
 from cubicfish_cli.render.difference_picture import round_up
@@ -47,7 +46,7 @@ def all_figures(facts: Facts) -> dict[str, page.Drawn]:
 def coverage_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     """Draw the corners, and the cells of the field that hold none."""
     plot = picture_plot(facts.camera.image_size)
-    pixel, pairs, cells = errors.pairs.pixel, errors.pairs, errors.cells
+    pixel, pairs, cells = errors.pairs.pixel, errors.pairs, errors.gaps.cells
     keys = [page.Key(kind="line", colour=INK, text="where the camera may be trusted")]
     empty = int(cells.empty.sum())
     if empty:
@@ -172,10 +171,16 @@ def angle_figure(errors: ErrorFacts) -> page.Drawn | None:
     )
 
 
+def _rays_at(angle: FloatArray, around: FloatArray) -> FloatArray:
+    """Unit rays (..., 3) of angles (...) from the axis and about it, radians."""
+    across = np.sin(angle)
+    return np.stack([across * np.cos(around), across * np.sin(around), np.cos(angle)], axis=-1)
+
+
 def profile_figure(camera: CubicCamera) -> page.Drawn:
     """Draw the radius by angle, beside the reference and ideal lenses."""
     theta = np.deg2rad(np.linspace(0, camera.max_angle_deg, 61))[1:]
-    rays = ray_at(*np.meshgrid(theta, np.linspace(0, 2 * np.pi, 48), indexing="ij"))
+    rays = _rays_at(*np.meshgrid(theta, np.linspace(0, 2 * np.pi, 48), indexing="ij"))
     radial = camera.radial
     own = np.linalg.norm(camera.project(rays) - camera.project([0.0, 0.0, 1.0]), axis=-1)
     outwards = radial.project(rays) - np.array([radial.cx, radial.cy])
@@ -241,12 +246,11 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> page.Drawn | None:
         return None
     sigma = sigma.reshape(pixel.shape[:2])
     some, where = sigma[::_EVERY, ::_EVERY].ravel(), pixel[::_EVERY, ::_EVERY].reshape(-1, 2)
-    inside, field = inside_polygon(where, facts.outline), [facts.outline]
-    if facts.errors and facts.errors.cells.blind:  # where the camera sees itself
-        around = np.linspace(0, 2 * np.pi, 180)
-        field.append(camera.project(ray_at(np.full(180, facts.errors.cells.blind), around)))
-        inside &= ~inside_polygon(where, field[-1])
-    shown = some[inside & np.isfinite(some) & (some > 0)]
+    angle, field = angle_from_axis(camera.unproject(where)), [facts.outline]
+    blind = facts.errors.gaps.cells.blind if facts.errors else 0.0
+    if blind:  # where the camera sees itself
+        field.append(camera.project(_rays_at(np.full(180, blind), np.linspace(0, 2 * np.pi, 180))))
+    shown = some[(angle >= blind) & np.isfinite(some) & (some > 0)]
     if not len(shown):
         return None
     step = nice_step(max(float(np.ptp(shown)), 1e-9 * float(shown.max())) / _BANDS)

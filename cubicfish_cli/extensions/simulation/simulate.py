@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish import CorrespondenceError, FloatArray, IntArray, Target, TargetError, quoted
-from cubicfish.angles import angle_from_axis
+from cubicfish.models import angle_from_axis
 from cubicfish_cli.viewpoints.truth import Pose, load_poses, nearest, plates, rotation_matrix
 from cubicfish_cli.viewpoints.views import WanderingPupil, WholeLens, choose_views, sample_views
 

@@ -14,7 +14,7 @@ from cubicfish.fit.evaluate import evaluate
 from cubicfish.solve.deformable_target import NominalTarget
 from cubicfish.target.boards.board import Board
 from cubicfish.target.boards.shape import BoardShape
-from cubicfish.target.target import Target, load_target, target_text
+from cubicfish.target.target import Target
 
 NOMINAL = synthetic.box_of_four()
 NOISE = 0.05
@@ -204,15 +204,15 @@ def board(**change) -> Board:
 )
 def test_target_file_round_trip(tmp_path, target):
     path = tmp_path / "target.refined.yaml"
-    path.write_text(target_text(target), encoding="utf-8")
-    again = load_target(path)
+    path.write_text(target.text(), encoding="utf-8")
+    again = Target.load(path)
     for one, other in zip(target.boards, again.boards, strict=True):
         column, row = np.meshgrid(np.arange(one.columns), np.arange(one.rows))
         np.testing.assert_allclose(
             other.world_points(column, row), one.world_points(column, row), rtol=1e-12, atol=1e-9
         )
         assert (one.shape is None) == (other.shape is None)
-    assert target_text(again) == target_text(load_target(path))
+    assert again.text() == Target.load(path).text()
 
 
 def test_other_kinds_of_boards_round_trip(tmp_path):
@@ -228,7 +228,7 @@ boards:
 """
     path = tmp_path / "target.yaml"
     path.write_text(text)
-    target = load_target(path)
+    target = Target.load(path)
     np.testing.assert_allclose(target.boards[2].world_points(2, 0), [1, 7, 12])
     charuco = target.boards[0]
     np.testing.assert_allclose(
@@ -236,8 +236,8 @@ boards:
         [0.1, 0.2, -0.3 + 0.5 * 0.25 - 0.25 * (1 / 9)],
     )
     again = tmp_path / "again.yaml"
-    again.write_text(target_text(target))
-    assert target_text(load_target(again)) == again.read_text()
+    again.write_text(target.text())
+    assert Target.load(again).text() == again.read_text()
 
 
 @pytest.mark.slow

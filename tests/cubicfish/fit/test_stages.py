@@ -7,11 +7,11 @@ from running import SAMPLE
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.io.corners_csv import load_corners
 from cubicfish.solve.subset import select_photos
-from cubicfish.target.target import load_target
+from cubicfish.target.target import Target
 
 
 def reported(**options: object) -> list[tuple[str, float]]:
-    target = load_target(SAMPLE / "target.yaml")
+    target = Target.load(SAMPLE / "target.yaml")
     pairs = load_corners(SAMPLE / "true_corners.csv", target)
     few = select_photos(pairs, np.arange(4))
     said: list[tuple[str, float]] = []

@@ -15,7 +15,7 @@ from cubicfish.diagnosis.object_check import count_planes
 from cubicfish.errors import TargetError
 from cubicfish.target.boards.markers import MARKER_DICTIONARIES
 from cubicfish.target.boards.shape import BoardShape
-from cubicfish.target.target import Target, load_target
+from cubicfish.target.target import Target
 
 FLOOR: dict[str, Any] = {
     "name": "floor",
@@ -56,7 +56,7 @@ def load(folder: Path, *boards: object, units: object = "mm", **more: object) ->
     path = folder / "target.yaml"
     data = {"units": units, "boards": list(boards), **more}
     path.write_text(yaml.dump(data, Dumper=PlainDumper))
-    return load_target(path)
+    return Target.load(path)
 
 
 def test_corners_of_a_grid_are_where_the_axes_say(tmp_path: Path) -> None:
@@ -297,7 +297,7 @@ def test_a_malformed_file_is_refused_in_one_line(tmp_path: Path, text: str, mess
     path = tmp_path / "target.yaml"
     path.write_text(text)
     with pytest.raises(TargetError, match=message) as caught:
-        load_target(path)
+        Target.load(path)
     assert "\n" not in str(caught.value)
 
 
@@ -314,7 +314,7 @@ def test_what_is_no_target_says_what_to_name(tmp_path: Path, text: str, what: st
     path = tmp_path / "a.yaml"
     path.write_text(text)
     with pytest.raises(TargetError) as refused:
-        load_target(path)
+        Target.load(path)
     assert str(refused.value) == (
         f"{path} {what}: name the target.yaml that says where the boards are, or make one with "
         "'cubicfish target print'"

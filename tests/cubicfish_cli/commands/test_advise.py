@@ -99,10 +99,9 @@ def test_what_point_cameras_and_bare_pairs_cannot(run: Run, poor: Path, tmp_path
     said = run("advise", tmp_path / "p", code=1).stderr
     assert "lift 'point'" in said
     assert said.count("\n") == 1
-    from cubicfish import load_corners
-    from cubicfish.target.target import load_target
+    from cubicfish import Target, load_corners
 
-    target = load_target(TARGET)
+    target = Target.load(TARGET)
     pairs = load_corners(poor / "three.csv", target)
     write_pairs(tmp_path / "pairs.csv", pairs)
     run("calibrate", "--correspondences", tmp_path / "pairs.csv", "-o", tmp_path / "c",

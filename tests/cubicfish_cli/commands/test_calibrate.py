@@ -10,10 +10,9 @@ from pairs_csv import write_pairs
 from running import SAMPLE, Run
 from saved_maps import read_map
 
-from cubicfish import OutputError, load_camera, load_corners
+from cubicfish import OutputError, Target, load_camera, load_corners
 from cubicfish.files import Fingerprint
 from cubicfish.fit import calibrate as fitting
-from cubicfish.target.target import load_target
 from cubicfish.views import MapInBands
 from cubicfish_cli import __version__
 
@@ -47,7 +46,7 @@ def test_the_calibration_is_written_whole(calibrated: Path) -> None:
     assert made_by["version"] == __version__
     assert made_by["target"] == {"file": str(TARGET), "sha256": Fingerprint.of(TARGET).sha256}
     assert made_by["inputs"] == [{"file": str(CORNERS), "sha256": Fingerprint.of(CORNERS).sha256}]
-    target = load_target(TARGET)
+    target = Target.load(TARGET)
     again = load_corners(calibrated / "corners.csv", target)
     np.testing.assert_array_equal(again.pixel, load_corners(CORNERS, target).pixel)
 
@@ -150,7 +149,7 @@ def test_a_failed_gate_exits_with_3_and_the_work_is_done(
 
 def correspondences(folder: Path) -> Path:
     """The sample as pairs, without a line that gives the size."""
-    target = load_target(TARGET)
+    target = Target.load(TARGET)
     path = folder / "pairs.csv"
     write_pairs(path, load_corners(CORNERS, target))
     path.write_text(path.read_text().split("\n", 1)[1])
@@ -332,5 +331,5 @@ def test_corners_that_may_be_others_stay_marked(run: Run, tmp_path: Path) -> Non
     result = run("calibrate", table, "-t", TARGET, "-o", tmp_path / "c", "--json", "--no-report")
     assert "1 photo shows too little of the board to tell which corners these are" in result.stderr
     assert "shape" in json.loads(result.stdout)["held_out_by_level"]  # the others are measured
-    kept = load_corners(tmp_path / "c" / "corners.csv", load_target(TARGET))
+    kept = load_corners(tmp_path / "c" / "corners.csv", Target.load(TARGET))
     assert {kept.images[image] for image in kept.image[~kept.certain]} == {first}

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
-from cubicfish import Finding, OutputError, load_corners
+from cubicfish import Finding, OutputError, Target, load_corners
 from cubicfish.find import PhotoReport
 from cubicfish.find.detection.grids import FoundGrids
 from cubicfish.find.identification.identified import Decided, GridReport
 from cubicfish.judge.codes import Code
 from cubicfish.photos import Photo
-from cubicfish.target.target import load_target
 from cubicfish_cli.render.drawings import drawings
 from cubicfish_cli.terminal.figures import lost_word
 
@@ -38,7 +37,7 @@ def detected(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_found_corners_are_where_the_lens_put_them(detected: Path) -> None:
-    target = load_target(TARGET)
+    target = Target.load(TARGET)
     found = load_corners(detected / "corners.csv", target)
     true = load_corners(SAMPLE / "true_corners.csv", target)
 

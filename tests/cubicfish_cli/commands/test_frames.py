@@ -330,10 +330,9 @@ def test_the_best_of_many_photos_are_taken(
     assert "6 photos of 32 chosen" in said
     assert "6 photos: as many as were asked for" in said
     assert load_camera(out / "camera.yaml").made_by["chosen"].startswith("6 photos: ")
-    from cubicfish import load_corners
-    from cubicfish.target.target import load_target
+    from cubicfish import Target, load_corners
 
-    images = load_corners(out / "corners.csv", load_target(target)).images
+    images = load_corners(out / "corners.csv", Target.load(target)).images
     assert len(images) == 6
     assert {name.split("_")[0] for name in images} == {"photo"}
 

@@ -22,13 +22,12 @@ from pairs_csv import write_pairs
 from running import SAMPLE, invoke_cli, run_cli
 
 import cubicfish
-from cubicfish import load_corners
+from cubicfish import Target, load_corners
 from cubicfish.find.identification.second_pass import Prediction
 from cubicfish.fit import calibrate as fit
 from cubicfish.fit import point_fit
 from cubicfish.observe import detection, glances
 from cubicfish.rigs import alone
-from cubicfish.target.target import load_target
 from cubicfish.workers import cluster, pool
 from cubicfish_cli import CubicfishError, load_camera, save_camera
 from cubicfish_cli.commands import exporting
@@ -435,7 +434,7 @@ def sources(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[
         (folder / file).write_text(text)
         made[name] = folder / file
     made["pairs"] = folder / "pairs.csv"
-    write_pairs(made["pairs"], load_corners(made["corners"], load_target(TARGET)).by_photo())
+    write_pairs(made["pairs"], load_corners(made["corners"], Target.load(TARGET)).by_photo())
     camera = load_camera(calibrated / "camera.yaml").camera
     made["near"] = folder / "near.yaml"
     save_camera(made["near"], replace(camera, pupil_travel=0.05))

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
-from cubicfish import load_any_camera, load_corners
-from cubicfish.target.target import load_target
+from cubicfish import Target, load_any_camera, load_corners
 
 TARGET = SAMPLE / "target.yaml"
 
@@ -39,7 +38,7 @@ def test_one_photo_gives_a_camera_of_its_boards(run: Run, one_photo: Path, tmp_p
         "corners.csv",
     ]
     model = tmp_path / "a" / "camera.yaml"
-    target = load_target(TARGET)
+    target = Target.load(TARGET)
     pairs = load_corners(one_photo, target)
     text = "".join(f"{x},{y},{z}\n" for x, y, z in pairs.world.tolist())
     pixels = np.array(

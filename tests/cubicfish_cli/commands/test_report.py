@@ -15,8 +15,7 @@ import yaml
 from pairs_csv import write_pairs
 from running import SAMPLE, Run
 
-from cubicfish import load_corners
-from cubicfish.target.target import load_target
+from cubicfish import Target, load_corners
 
 TARGET = SAMPLE / "target.yaml"
 CORNERS = SAMPLE / "true_corners.csv"
@@ -234,7 +233,7 @@ def test_point_lift(run: Run, tmp_path: Path, photos: int) -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
 def test_pairs_without_a_target(run: Run, tmp_path: Path) -> None:
-    target = load_target(TARGET)
+    target = Target.load(TARGET)
     table = tmp_path / "pairs.csv"
     write_pairs(table, load_corners(CORNERS, target))
     folder = tmp_path / "c"

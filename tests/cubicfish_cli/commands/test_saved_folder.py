@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 from running import SAMPLE, Run
 
-from cubicfish import Calibration
-from cubicfish.target.target import load_target
+from cubicfish import Calibration, Target
 from cubicfish_cli import load_corners, save_camera, save_corners
 
 TARGET = SAMPLE / "target.yaml"
@@ -25,7 +24,7 @@ def saved(fitted: Calibration, tmp_path: Path) -> Saved:
         folder.mkdir()
         save_camera(folder / "camera.yaml", fitted)
         if "corners.csv" in names:
-            corners = load_corners(SAMPLE / "true_corners.csv", load_target(TARGET))
+            corners = load_corners(SAMPLE / "true_corners.csv", Target.load(TARGET))
             save_corners(folder / "corners.csv", corners)
         if "target.yaml" in names:
             shutil.copy(TARGET, folder / "target.yaml")

@@ -12,7 +12,6 @@ from synthetic import checkerboard
 
 from cubicfish import Target, load_camera, load_corners
 from cubicfish.fit.evaluate import evaluate
-from cubicfish.target.target import load_target
 from cubicfish_cli import save_camera, save_target
 from cubicfish_cli.viewpoints.truth import camera_points, load_poses
 
@@ -49,7 +48,7 @@ def test_calibrating_the_photos_gives_the_camera_back(
     assert apart["rms_px"] < 0.05  # what six photos leave open, and no prior is chosen by others
     assert apart["common_share"] > 0.9
     # The truth beside the photos: corners, poses and camera belong together.
-    target, camera = load_target(TARGET), load_camera(photos / "true_camera.yaml").camera
+    target, camera = Target.load(TARGET), load_camera(photos / "true_camera.yaml").camera
     np.testing.assert_array_equal(camera.P, load_camera(model).camera.P)
     truth = load_corners(photos / "true_corners.csv", target)
     poses = load_poses(photos / "true_poses.csv")
@@ -140,7 +139,7 @@ def test_json(run: Run, small_lens: Path, board: Path, tmp_path: Path) -> None:
     record = json.loads(said.stdout)
     assert record["photos"] == [str(tmp_path / "photo_01.jpg")]
     assert record["corners"] == len(
-        load_corners(tmp_path / "true_corners.csv", load_target(board)).pixel
+        load_corners(tmp_path / "true_corners.csv", Target.load(board)).pixel
     )
     assert record["true_poses"] == str(tmp_path / "true_poses.csv")
 

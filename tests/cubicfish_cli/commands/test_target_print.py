@@ -12,11 +12,10 @@ from looking import look_at
 from running import SAMPLE, Run
 from synthetic import IMAGE_SIZE, TRUE_LENS, rays_in_cone
 
-from cubicfish import load_camera
+from cubicfish import Target, load_camera
 from cubicfish.comparison import aligned_difference
 from cubicfish.find import find_grids
 from cubicfish.target import Board
-from cubicfish.target.target import load_target
 from cubicfish_cli.extensions.printing.command import PrintOptions
 from cubicfish_cli.extensions.printing.layout import (
     Page,
@@ -93,7 +92,7 @@ def test_every_side_of_every_square_is_in_its_place(run: Run, tmp_path: Path) ->
     said = run("target", "print", "--object", "corner", "-o", tmp_path / "printed", "--json").stdout
     record = json.loads(said)
     pdf = tmp_path / "printed" / "boards.pdf"
-    boards = boards_in_millimetres(load_target(tmp_path / "printed" / "target.yaml"))
+    boards = boards_in_millimetres(Target.load(tmp_path / "printed" / "target.yaml"))
     _, made = design(PrintOptions(kind="corner"), paper("A4"), margin=MARGIN)
     for width, height in page_sizes(pdf):
         assert (width, height) == pytest.approx((297, 210), abs=1e-4)
@@ -132,7 +131,7 @@ def drawn(page: Page, shape: tuple[int, int], dpi: int) -> np.ndarray:
 @pytest.mark.parametrize("board_type", ["checkerboard", "charuco", "aprilgrid"])
 def test_the_print_is_what_the_renderer_draws(run: Run, tmp_path: Path, board_type: str) -> None:
     run("target", "print", "--object", "board", "--type", board_type, "-o", tmp_path, "-q")
-    (board,) = boards_in_millimetres(load_target(tmp_path / "target.yaml"))
+    (board,) = boards_in_millimetres(Target.load(tmp_path / "target.yaml"))
     page = lay_out(board, paper("A4"), margin=MARGIN)
     (picture,) = pictures(tmp_path / "boards.pdf", 150)
     ink = drawn(page, picture.shape, 150)
@@ -153,7 +152,7 @@ def test_the_print_is_what_the_renderer_draws(run: Run, tmp_path: Path, board_ty
 @pytest.mark.parametrize("kind", ["corner", "box"])
 def test_the_finder_sees_each_board_and_nothing_else(run: Run, tmp_path: Path, kind: str) -> None:
     run("target", "print", "--object", kind, "-o", tmp_path, "-q")
-    target = load_target(tmp_path / "target.yaml")
+    target = Target.load(tmp_path / "target.yaml")
     for picture, board in zip(pictures(tmp_path / "boards.pdf", 100), target.boards, strict=True):
         (grid,) = find_grids(picture).grids
         size = sorted((np.ptp(grid.cells, axis=0) + 1).tolist())
@@ -167,7 +166,7 @@ def test_the_finder_sees_each_board_and_nothing_else(run: Run, tmp_path: Path, k
 def test_opencv_reads_the_markers(run: Run, tmp_path: Path, board_type: str) -> None:
     args = ["target", "print", "--object", "corner", "--type", board_type, "--json"]
     record = json.loads(run(*args, "-o", tmp_path).stdout)
-    target = load_target(tmp_path / "target.yaml")
+    target = Target.load(tmp_path / "target.yaml")
     for picture, board, said in zip(
         pictures(tmp_path / "boards.pdf", 150), target.boards, record["pages"], strict=True
     ):
@@ -341,7 +340,7 @@ VIEWS = (
 def test_from_nothing_to_the_true_lens(run: Run, tmp_path: Path) -> None:
     run("target", "print", "--object", "corner", "-o", tmp_path / "mine", "-q")
     target_file = tmp_path / "mine" / "target.yaml"
-    target = load_target(target_file)
+    target = Target.load(target_file)
     (tmp_path / "photos").mkdir()
     for number, (eye, aim, roll) in enumerate(VIEWS):
         photo = render(

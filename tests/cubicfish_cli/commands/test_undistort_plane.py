@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
-from cubicfish import read_picture
-from cubicfish.target.target import load_target
+from cubicfish import Target, read_picture
 
 TARGET = SAMPLE / "target.yaml"
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"
@@ -23,7 +22,7 @@ def model(calibrated: Path) -> Path:
 
 def drawn(name: str) -> np.ndarray:
     """The board as it is drawn, a square around its corners: 1 where it is light."""
-    board = next(board for board in load_target(TARGET).boards if board.name == name)
+    board = next(board for board in Target.load(TARGET).boards if board.name == name)
     side = round(board.square * SCALE)
     squares = np.add.outer(np.arange(board.rows + 1), np.arange(board.columns + 1)) % 2
     if board.first_square == "light":

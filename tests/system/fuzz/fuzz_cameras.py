@@ -6,11 +6,10 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from cubicfish import Calibration, CubicCamera, load_corners
+from cubicfish import Calibration, CubicCamera, Target, load_corners
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.point_fit import calibrate_points
 from cubicfish.io.camera_yaml import camera_text
-from cubicfish.target.target import load_target
 
 SAMPLE = Path(__file__).parents[3] / "sample_data"
 
@@ -22,7 +21,7 @@ def _calibration() -> Calibration:
 
 @cache
 def _pairs():
-    target = load_target(SAMPLE / "target.yaml")
+    target = Target.load(SAMPLE / "target.yaml")
     return load_corners(SAMPLE / "true_corners.csv", target)
 
 

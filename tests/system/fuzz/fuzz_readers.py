@@ -11,10 +11,9 @@ import fuzz_foreign as foreign
 import fuzz_lenses as lenses
 import numpy as np
 
-from cubicfish import CubicfishError, load_any_camera, load_corners
+from cubicfish import CubicfishError, Target, load_any_camera, load_corners
 from cubicfish.io.corners_csv import load_correspondences
 from cubicfish.photos.photos import decode_picture, photo_size, read_file
-from cubicfish.target.target import load_target
 from cubicfish_cli.commands.points import read_points
 
 SAMPLE = Path(__file__).parents[3] / "sample_data"
@@ -76,7 +75,7 @@ def _target_seeds() -> Sequence[bytes]:
 
 
 def _read_target(path: Path) -> object:
-    target = load_target(path)
+    target = Target.load(path)
     return [board.world_points([0, board.columns - 1], [0, board.rows - 1])
             for board in target.boards]  # fmt: skip
 
@@ -94,7 +93,7 @@ def _read_corners(path: Path) -> object:
 
 @cache
 def _loaded_target():
-    return load_target(_target())
+    return Target.load(_target())
 
 
 def _correspondence_seeds() -> Sequence[bytes]:

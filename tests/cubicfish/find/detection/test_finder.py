@@ -17,7 +17,7 @@ from cubicfish.find.detection.growth import measure_contrast
 from cubicfish.find.detection.lattice import Lattice
 from cubicfish.find.detection.pyramid import build_pyramid
 from cubicfish.judge.codes import Code
-from cubicfish.target.target import load_target
+from cubicfish.target.target import Target
 from cubicfish_cli.extensions.simulation.simulate import render
 from cubicfish_cli.viewpoints.truth import project_corners
 
@@ -139,7 +139,7 @@ def test_markers_in_the_light_squares_do_not_hide_a_board(tmp_path, share, scale
         "units: mm\nboards:\n- {name: b, type: charuco, corners: [8, 6], square: 40, "
         f"marker: {40 * share}, dictionary: DICT_6X6_250}}\n"
     )
-    target, lens = load_target(path), lens_of_size(scale)
+    target, lens = Target.load(path), lens_of_size(scale)
     pose = look_at((120, 60, -220), (140, 100, 0), roll=0.3)
     image = render(
         target, lens.unproject, pose, lens.image_size, noise=2.0, blur=0.6, supersample=2, seed=1

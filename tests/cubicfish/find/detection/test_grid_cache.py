@@ -11,11 +11,11 @@ from cubicfish.observe import photo_detection
 from cubicfish.observe.detection import first_pass
 from cubicfish.observe.photo_detection import GridCache
 from cubicfish.photos.photos import find_photos
-from cubicfish.target.target import load_target
+from cubicfish.target.target import Target
 from cubicfish.workers.pool import Work
 
 SAMPLE = Path(__file__).parents[4] / "sample_data"
-TARGET = load_target(SAMPLE / "target.yaml")
+TARGET = Target.load(SAMPLE / "target.yaml")
 
 
 @pytest.fixture

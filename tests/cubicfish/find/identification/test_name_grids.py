@@ -22,7 +22,7 @@ from cubicfish.io.corners_csv import load_corners
 from cubicfish.models.radial import RadialCamera
 from cubicfish.solve.poses import rotation_from_vector
 from cubicfish.target.placement import placement_of
-from cubicfish.target.target import Target, load_target
+from cubicfish.target.target import Target
 
 OV_CUBE = Path(__file__).parents[5] / "shared" / "data" / "ov_cube"
 
@@ -331,7 +331,7 @@ def test_nothing_found_is_nothing_named():
 @pytest.mark.skipif(not OV_CUBE.is_dir(), reason="needs the photos of a real box")
 @pytest.mark.parametrize("alone", [False, True])
 def test_a_real_box_of_equal_boards(alone):
-    target = load_target(OV_CUBE / "target.yaml")
+    target = Target.load(OV_CUBE / "target.yaml")
     corners = load_corners(OV_CUBE / "reference_corners.csv", target)
     grids, truth = anonymous_photos(corners, target)
     if alone:

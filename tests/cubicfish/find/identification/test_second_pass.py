@@ -15,11 +15,11 @@ from cubicfish.io.corners_csv import load_corners
 from cubicfish.observe.detection import second_pass
 from cubicfish.photos.photos import Photo, find_photos
 from cubicfish.target.observations import Observations
-from cubicfish.target.target import Target, load_target
+from cubicfish.target.target import Target
 from cubicfish.workers.pool import Work
 
 SAMPLE = Path(__file__).parents[4] / "sample_data"
-TARGET = load_target(SAMPLE / "target.yaml")
+TARGET = Target.load(SAMPLE / "target.yaml")
 PHOTOS = find_photos([SAMPLE / "photos"])[:4]
 
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from lenses import cubic_camera, radial_camera, random_rays
 
-from cubicfish.angles import angle_from_axis, unit_rays
+from cubicfish.angles import unit_rays
 from cubicfish.fit.exported_lens import lens_near
+from cubicfish.models import angle_from_axis
 from cubicfish.solve.fit_lens import FreeLens, nearest_lens
 from cubicfish_cli.extensions.formats.colmap_cameras import RadTanThinPrismLens
 from cubicfish_cli.extensions.formats.lenses import DoubleSphereLens, PinholeLens, UnifiedLens

@@ -8,7 +8,7 @@ from lenses import cubic_camera, random_rays
 from mrcal_itself import ask_mrcal, needs_mrcal
 
 from cubicfish import CubicCamera
-from cubicfish.models.sphere import cone_rays
+from cubicfish.models import cone_rays
 from cubicfish_cli.extensions.formats.mrcal_model import mrcal_text, read_mrcal
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
 from cubicfish_cli.foreign.file_contents import PlacedLens

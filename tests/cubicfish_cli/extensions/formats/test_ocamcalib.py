@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from lenses import cubic_camera
 
 from cubicfish import CameraFileError
-from cubicfish.models.sphere import cone_rays
+from cubicfish.models import cone_rays
 from cubicfish_cli.extensions.formats.ocamcalib import (
     ScaramuzzaLens,
     ocamcalib_text,

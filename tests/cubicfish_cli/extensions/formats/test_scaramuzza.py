@@ -5,7 +5,7 @@ import pytest
 from lenses import cubic_camera
 
 from cubicfish.fit.exported_lens import to_lens
-from cubicfish.models.sphere import cone_rays
+from cubicfish.models import cone_rays
 from cubicfish_cli import CubicCamera
 from cubicfish_cli.extensions.formats import ocamcalib
 from cubicfish_cli.extensions.formats.ocamcalib import ScaramuzzaLens

@@ -9,8 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import TRUE_LENS, corner_of_three, flat_board, poses_around, synthetic_corners
 
-from cubicfish import CorrespondenceError, Observations, Target, load_corners, save_corners
-from cubicfish.target.target import target_text
+from cubicfish import (
+    CorrespondenceError,
+    Observations,
+    Target,
+    TargetError,
+    load_corners,
+    save_corners,
+)
 from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
 
 SIZE = TRUE_LENS.image_size
@@ -173,7 +179,7 @@ def test_files_of_several_kinds_of_trouble(tmp_path: Path) -> None:
     given = {"image_size": SIZE, "board": "floor"}
     with pytest.raises(CorrespondenceError, match="another file holds the corners of"):
         read_vnlogs([one, one], THREE, **given)
-    with pytest.raises(CorrespondenceError, match="'flor' is not in the target: did you"):
+    with pytest.raises(TargetError, match="'flor' is not in the target: did you"):
         read_vnlogs([one], THREE, image_size=SIZE, board="flor")
     with pytest.raises(CorrespondenceError, match="no photo in the files is called like 'b\\*'"):
         read_vnlogs([one], THREE, only="b*", **given)
@@ -206,7 +212,7 @@ def test_corners_of_others_calibrate_a_camera(tmp_path: Path, run) -> None:
     true = truth(FLAT, photos=8)
     target, table, found = (tmp_path / name for name in ("target.yaml", "c.csv", "found.vnl"))
     found.write_text("\n".join(["# filename x y level", *vnl_rows(true, FLAT)]) + "\n")
-    target.write_text(target_text(FLAT))
+    target.write_text(FLAT.text())
     line = ("corners", found, "--target", target, "--size", "{}x{}".format(*SIZE))
     said = run(*line, "-o", table).stdout
     assert f"wrote {table}: {len(true.pixel):,} corners in 8 photos" in said

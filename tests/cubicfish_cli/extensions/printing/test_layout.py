@@ -10,7 +10,6 @@ from synthetic import checkerboard
 
 from cubicfish import Target, TargetError
 from cubicfish.diagnosis import check_object
-from cubicfish.target.target import load_target, target_text
 from cubicfish_cli.extensions.printing.command import PrintOptions
 from cubicfish_cli.extensions.printing.layout import (
     STRIP,
@@ -88,8 +87,8 @@ def test_every_object_is_on_one_page_a_board_and_can_be_told_apart(
     on = paper(size)
     target, pages = design(PrintOptions(kind=kind, board_type=board_type), on, margin=MARGIN)
     path = tmp_path / "target.yaml"
-    path.write_text(target_text(target))
-    facts = check_object(load_target(path))  # refuses shared ids and places
+    path.write_text(target.text())
+    facts = check_object(Target.load(path))  # refuses shared ids and places
     assert not facts.ambiguous
     assert facts.crossing == ()
     assert facts.named_by == ("geometry" if board_type == "checkerboard" else "markers")

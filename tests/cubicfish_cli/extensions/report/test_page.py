@@ -22,13 +22,12 @@ pytest.importorskip("jinja2")
 from cubicfish import Calibration, CameraFile, Observations, Target, load_corners
 from cubicfish.judge.fit_record import FitRecord
 from cubicfish.solve.statistics import rms_px
-from cubicfish.target.target import load_target
 from cubicfish_cli.extensions.report.page import report_html
 from cubicfish_cli.inputs.calibration_facts import Facts, gather, matched
 from cubicfish_cli.render.pages.figures import upright
 from cubicfish_cli.words.sentences import render
 
-TARGET = load_target(SAMPLE / "target.yaml")
+TARGET = Target.load(SAMPLE / "target.yaml")
 PHOTOS = sorted((SAMPLE / "photos").iterdir())
 VOID = {"meta", "link", "img", "br"}
 MADE_BY = {

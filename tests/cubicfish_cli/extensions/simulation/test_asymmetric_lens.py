@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import IMAGE_SIZE, TRUE_LENS, lens_of_size, rays_in_cone
 
-from cubicfish.angles import angle_from_axis
+from cubicfish.models import angle_from_axis
 
 
 def by_the_formula(ray, lens):

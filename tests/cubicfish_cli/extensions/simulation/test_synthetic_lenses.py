@@ -8,7 +8,7 @@ from synthetic_lenses import SYNTHETIC_LENSES, MirrorProfile, RaysAtDistance, sy
 
 from cubicfish.comparison import aligned_difference
 from cubicfish.fit.asymmetric import BentFit
-from cubicfish.models.sphere import cone_rays
+from cubicfish.models import cone_rays
 
 CENTRAL = ("equisolid", "orthographic")
 
