@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish.errors import ViewError
+from cubicfish.files.reading import MAX_COORDINATE
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.rigs.rig import Rig, RigCamera
 from cubicfish.types import FloatArray
@@ -47,6 +48,12 @@ class Body:
 
     cameras: tuple[RigCamera, ...]
     distance: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.distance is not None and not 0 < self.distance <= MAX_COORDINATE:
+            raise ViewError(
+                f"distance must be above 0 and at most {MAX_COORDINATE:g}, not {self.distance}"
+            )
 
     @property
     def centre(self) -> FloatArray:

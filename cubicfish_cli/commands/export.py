@@ -8,8 +8,12 @@ from typing import Any
 
 import click
 
-from cubicfish import Run, UsageError
+from cubicfish import Run
+from cubicfish import UsageError
 from cubicfish.files import StrPath
+from cubicfish import did_you_mean
+from cubicfish import quoted
+from cubicfish.files import write_files
 from cubicfish_cli.extension_guard import written_formats
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.plan import Plan
@@ -139,7 +143,11 @@ def export_files(options: ExportOptions, *, run: Run = Run()) -> ExportedFiles:
         if to == "maps" and given is not None:
             raise UsageError(f"{name} is of lens models: --to maps holds the camera as it is")
     max_error = MAX_ERROR if options.max_error is None else options.max_error
-    usual = "undistort_map.npz" if to == "maps" else written_formats()[to].file_name
+    formats = written_formats()
+    if to != "maps" and to not in formats:
+        suggestion = did_you_mean(to, sorted({"maps", *formats}))
+        raise UsageError(f"no format is called {quoted(to)}: {suggestion}")
+    usual = "undistort_map.npz" if to == "maps" else formats[to].file_name
     goal = Path(options.output or usual)
     plan = Plan(run).reads(path)
     plan.writes(goal)
