@@ -19,8 +19,8 @@ from importlib import import_module
 from numbers import Integral, Real
 from typing import Any, ForwardRef, Literal, TypeVar, Union, get_args, get_origin
 
-from cubicfish.errors import UsageError
 from cubicfish import wording
+from cubicfish.errors import UsageError
 from cubicfish.wording import did_you_mean, listed, quoted
 
 _MOST_LISTED = 200  # of a long list, as many are looked at

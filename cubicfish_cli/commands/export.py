@@ -8,12 +8,8 @@ from typing import Any
 
 import click
 
-from cubicfish import Run
-from cubicfish import UsageError
+from cubicfish import Run, UsageError, did_you_mean, quoted
 from cubicfish.files import StrPath
-from cubicfish import did_you_mean
-from cubicfish import quoted
-from cubicfish.files import write_files
 from cubicfish_cli.extension_guard import written_formats
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.plan import Plan

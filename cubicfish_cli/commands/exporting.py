@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish import Calibration
-from cubicfish import CameraFile
-from cubicfish import CubicfishError
-from cubicfish import FitError
-from cubicfish import did_you_mean
-from cubicfish import quoted
-from cubicfish import UsageError
+from cubicfish import (
+    Calibration,
+    CameraFile,
+    CubicfishError,
+    FitError,
+    UsageError,
+    did_you_mean,
+    quoted,
+)
 from cubicfish.fit import Conversion, to_lens
 from cubicfish.rigs import RigCamera
 from cubicfish_cli import __version__
