@@ -12,17 +12,16 @@ import inspect
 import os
 import sys
 import types
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AnySet
 from functools import cache, wraps
 from importlib import import_module
 from numbers import Integral, Real
 from typing import Any, ForwardRef, Literal, TypeVar, Union, get_args, get_origin
 
+from cubicfish import wording
 from cubicfish.errors import UsageError
-from cubicfish.wording import listed, quoted
-
-Function = TypeVar("Function", bound=Callable[..., Any])
+from cubicfish.wording import did_you_mean, listed, quoted
 
 _MOST_LISTED = 200  # of a long list, as many are looked at
 _UNIONS = (Union, types.UnionType)
@@ -41,7 +40,7 @@ _WAYS = {
 """How a caller gets a record, by the name of its class."""
 
 
-def checked(function: Function, face: str) -> Function:
+def checked(function: Any, face: str) -> Any:
     """A function that refuses arguments that are not what its annotations say.
 
     Wrong counts of arguments and unknown names stay Python's own TypeError.
@@ -54,8 +53,8 @@ def checked(function: Function, face: str) -> Function:
         UsageError: an argument is something else; one line that names it, and what it must be.
 
     """
-    if hasattr(function, "checked_arguments"):
-        return function
+    if hasattr(function, "checked_arguments") or function.__module__ == wording.__name__:
+        return function  # words are made of anything, such as what was refused
     signature = inspect.signature(function)
 
     @wraps(function)
@@ -71,9 +70,8 @@ def checked(function: Function, face: str) -> Function:
         return function(*args, **kwargs)
 
     call.__module__, call.__qualname__ = face, function.__name__
-    made: Any = call
-    made.checked_arguments = True
-    return made
+    vars(call)["checked_arguments"] = True
+    return call
 
 
 def refuse_misfit(name: str, value: object, kind: Any) -> None:
@@ -85,7 +83,9 @@ def refuse_misfit(name: str, value: object, kind: Any) -> None:
     """
     for place, inner, must in _misfits(name, value, kind):
         ways = [_WAYS[word] for word in _names_in(must) if word in _WAYS]
-        do = f": {ways[0]}" if ways else ""
+        known = [*_literals_in(must)] if isinstance(inner, str) else []
+        do = did_you_mean(inner, known) if known else ways[0] if ways else ""
+        do = f": {do}" if do and not do.startswith("known") else ""
         raise UsageError(f"{place} must be {_describe(must)}, not {_name_value(inner)}{do}")
 
 
@@ -106,6 +106,8 @@ def _misfits(name: str, value: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]
         for key, one in [*value.items()][:_MOST_LISTED]:
             yield from _misfits(f"a key of {name}", key, inner[0])
             yield from _misfits(f"{name}[{quoted(key)}]", one, inner[1])
+    elif hasattr(value, "tolist") and inner and not _is_array(kind):
+        yield from _misfits(name, value.tolist(), kind)
     elif isinstance(value, list | tuple) and origin is not Literal and inner:
         is_pair = origin is tuple and Ellipsis not in inner
         if is_pair and len(value) != len(inner):
@@ -126,7 +128,7 @@ def _is_of(value: Any, origin: Any, inner: Sequence[Any]) -> bool:
     if _is_array(origin):
         return value is not None and not isinstance(value, str | bytes | Mapping | os.PathLike)
     if origin is Literal:
-        return any(isinstance(value, type(one)) for one in inner)  # which, its user says best
+        return isinstance(value, str | int) and value in inner
     if origin in (None, types.NoneType):
         return value is None
     if origin is bool:
@@ -135,6 +137,8 @@ def _is_of(value: Any, origin: Any, inner: Sequence[Any]) -> bool:
         if isinstance(value, bool) or not isinstance(value, Integral if origin is int else Real):
             return False
         return value == value  # NaN is no number
+    if isinstance(value, str | os.PathLike) and "\0" in str(value):
+        return False  # no text or name of a file has that
     if not isinstance(origin, type):
         return True
     if getattr(origin, "_is_protocol", False):
@@ -145,12 +149,12 @@ def _is_of(value: Any, origin: Any, inner: Sequence[Any]) -> bool:
 
 
 def _is_series(value: Any, origin: type) -> bool:
-    """Whether a value is of many; text and mappings are none, and lists and arrays are tuples."""
+    """Whether a value is of many; text is none, and a list is as good as a tuple."""
     if isinstance(value, str | bytes) or (isinstance(value, Mapping) and origin is not Iterable):
         return False
-    if origin in (tuple, list, Sequence):
-        return isinstance(value, Sequence | range) or hasattr(value, "tolist")
-    return isinstance(value, origin)
+    if origin is Sequence:
+        return isinstance(value, Sequence) or getattr(value, "ndim", 0) > 0
+    return isinstance(value, list | tuple if origin is tuple else origin)
 
 
 def _is_array(kind: Any) -> bool:
@@ -224,6 +228,13 @@ _PLAIN = {
     bool: "True or False", int: "a whole number", float: "a number", str: "text",
     types.NoneType: "None", os.PathLike: "a path",
 }  # fmt: skip
+
+
+def _literals_in(kind: Any) -> list[str]:
+    """Words that an annotation lists."""
+    if get_origin(kind) is Literal:
+        return [one for one in get_args(kind) if isinstance(one, str)]
+    return [one for inner in get_args(kind) for one in _literals_in(inner)]
 
 
 def _describe(kind: Any) -> str:

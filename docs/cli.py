@@ -14,6 +14,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
+from enum import StrEnum
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any, get_args, get_type_hints
@@ -21,7 +22,7 @@ from typing import Any, get_args, get_type_hints
 import click
 
 from cubicfish import Finding
-from cubicfish.judge.codes import Code, Remedy
+from cubicfish.judge import Code
 from cubicfish_cli.terminal.main import cli
 from cubicfish_cli.terminal.parameters import Argument
 
@@ -103,7 +104,7 @@ _CODE = re.compile(
 _DEFAULT = re.compile(r"\s*\[default: (.*?)\]\.?$")
 
 
-def _words(what: str, kind: type[Code] | type[Remedy]) -> str:
+def _words(what: str, kind: type[StrEnum]) -> str:
     text = f"{what}: {', '.join(f'`{one.value}`' for one in kind)}."
     return textwrap.fill(text, WIDTH, break_on_hyphens=False) + "\n"
 
@@ -215,7 +216,7 @@ def page() -> str:
         "## JSON\n",
         JSON,
         _words("Codes", Code),
-        _words("Remedies", Remedy),
+        _words("Remedies", type(Finding(code=Code.UNKNOWN).remedy)),
         "## Environment\n",
         _list([f"`{name}`: {_with_default(text)}" for name, text in ENVIRONMENT.items()]),
         "## Completion in the shell\n",

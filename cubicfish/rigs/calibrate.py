@@ -84,9 +84,9 @@ def calibrate_rig(
     names, known = list(cameras), known or {}
     for name in names:
         RigCamera.refuse_name(name, "camera", FitError)
-    seen, target, matched = observed_shots(cameras, target, shots, tolerance, times)
     if len(names) < 2:
         raise FitError("a rig has two cameras or more: calibrate a single one with 'calibrate'")
+    seen, target, matched = observed_shots(cameras, target, shots, tolerance, times)
     refuse_exchanged(seen, {name: known[name] for name in names if name in known})
     common, progress = CommonWorld.of(list(seen.values())), listener.stages("Fitting")
     singly = []

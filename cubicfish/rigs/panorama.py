@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish.errors import ViewError
+from cubicfish.files.reading import MAX_COORDINATE
 from cubicfish.models.cubic import CubicCamera
-from cubicfish.photos.photos import Picture
 from cubicfish.rigs.rig import Rig, RigCamera
 from cubicfish.types import FloatArray
 from cubicfish.views.choose import build_view
@@ -47,6 +48,12 @@ class Body:
 
     cameras: tuple[RigCamera, ...]
     distance: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.distance is not None and not 0 < self.distance <= MAX_COORDINATE:
+            raise ViewError(
+                f"distance must be above 0 and at most {MAX_COORDINATE:g}, not {self.distance}"
+            )
 
     @property
     def centre(self) -> FloatArray:
@@ -180,8 +187,8 @@ class Panorama:
         return replace(self.maps[0], valid=valid)
 
     def render(
-        self, photos: Mapping[str, Picture], interpolation: Interpolation = "linear"
-    ) -> tuple[Picture, npt.NDArray[np.bool_]]:
+        self, photos: Mapping[str, npt.NDArray[Any]], interpolation: Interpolation = "linear"
+    ) -> tuple[npt.NDArray[Any], npt.NDArray[np.bool_]]:
         """One picture of the photos of a shot, and where it shows something (H, W).
 
         Args:
@@ -240,11 +247,11 @@ def edge_distance(camera: CubicCamera) -> Floats:
 
 def stitch(
     rig: Rig,
-    photos: Mapping[str, Picture],
+    photos: Mapping[str, npt.NDArray[Any]],
     view: View | None = None,
     *,
     distance: float | None = None,
-) -> Picture:
+) -> npt.NDArray[Any]:
     """One picture of a shot, as ``undistort`` renders it.
 
     Args:

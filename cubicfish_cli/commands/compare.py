@@ -88,7 +88,7 @@ def compare_files(options: CompareOptions, *, run: Run = Run()) -> ComparedFiles
 
     """
     from cubicfish import compare
-    from cubicfish.io.camera_keys import read_camera
+    from cubicfish.io import read_camera
     from cubicfish_cli.undistortion.images import check_suffix, write_picture
 
     path = path_or_none(options.picture)

@@ -117,7 +117,6 @@ def detect_files(options: DetectOptions, *, run: Run = Run()) -> DetectedFiles:
     source.check()
     from cubicfish import save_corners
     from cubicfish.observe import find_corners
-    from cubicfish.photos import read_grey
     from cubicfish_cli.render.drawings import drawings
     from cubicfish_cli.render.overlay import draw_found
     from cubicfish_cli.undistortion.images import write_picture
@@ -135,7 +134,7 @@ def detect_files(options: DetectOptions, *, run: Run = Run()) -> DetectedFiles:
     for done, (photo, report) in enumerate(zip(found, detection.photos, strict=True)):
         progress(done, len(found))
         if report.found is not None:
-            drawn = draw_found(read_grey(photo.path), report, detection.corners)
+            drawn = draw_found(photo.read_grey(), report, detection.corners)
             write_picture(pictures[photo.name], drawn, overwrite=run.overwrite)
             written.append(pictures[photo.name])
     return DetectedFiles(detection=detection, file=file, drawings=written)

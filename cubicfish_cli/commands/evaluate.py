@@ -166,8 +166,7 @@ def command(made: EvaluatedFiles, given: EvaluateOptions, how: How) -> None:
 def report_unplaced(photos: Sequence[str], of: str = "") -> None:
     """Say which photos could not be placed; ``of`` names the camera."""
     from cubicfish import Finding
-    from cubicfish.judge import Severity
-    from cubicfish.judge.codes import Code
+    from cubicfish.judge import Code, Severity
 
     too_few = Finding(code=Code.TOO_FEW_CORNERS, severity=Severity.CARE)
     report_left_out(dict.fromkeys(photos, too_few), of)

@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from cubicfish import Run, UsageError
-from cubicfish.files import StrPath, write_files
+from cubicfish import Run, UsageError, did_you_mean, quoted
+from cubicfish.files import StrPath
 from cubicfish_cli.extension_guard import written_formats
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.plan import Plan
@@ -139,9 +139,14 @@ def export_files(options: ExportOptions, *, run: Run = Run()) -> ExportedFiles:
         if to == "maps" and given is not None:
             raise UsageError(f"{name} is of lens models: --to maps holds the camera as it is")
     max_error = MAX_ERROR if options.max_error is None else options.max_error
-    usual = "undistort_map.npz" if to == "maps" else written_formats()[to].file_name
+    formats = written_formats()
+    if to != "maps" and to not in formats:
+        suggestion = did_you_mean(to, sorted({"maps", *formats}))
+        raise UsageError(f"no format is called {quoted(to)}: {suggestion}")
+    usual = "undistort_map.npz" if to == "maps" else formats[to].file_name
     goal = Path(options.output or usual)
-    Plan(run).reads(path).writes(goal)
+    plan = Plan(run).reads(path)
+    plan.writes(goal)
     loaded = load_camera(path)
     if to == "maps":
         if goal.suffix.lower() != ".npz":
@@ -151,7 +156,7 @@ def export_files(options: ExportOptions, *, run: Run = Run()) -> ExportedFiles:
     run.listener.progress("Fitting the other lens")
     lens = export_camera(loaded, to, max_error=max_error, max_angle_deg=options.max_angle_deg)
     text = lens.text
-    write_files({goal: text}, overwrite=run.overwrite)
+    plan.write({goal: text})
     warning = lens.warning(max_error)
     return ExportedFiles(
         files=[goal],

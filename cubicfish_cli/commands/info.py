@@ -18,7 +18,8 @@ from cubicfish_cli.terminal.terminal import result
 from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish.io.camera_yaml import CameraRecord
+    from cubicfish import CameraFile
+    from cubicfish.io import PointCameraFile
 
 
 @record
@@ -39,7 +40,7 @@ class CameraInfo:
     """
 
     model: Path
-    known: CameraRecord
+    known: CameraFile | PointCameraFile
 
     def as_record(self) -> dict[str, Any]:
         """Return plain data: what ``cubicfish info --json`` prints.
@@ -144,7 +145,7 @@ def command(made: CameraInfo, given: InfoOptions, how: How) -> None:
         print_verdict(made.known.verdict)
 
 
-def _list_rows(known: CameraRecord) -> list[tuple[str, str]]:
+def _list_rows(known: CameraFile | PointCameraFile) -> list[tuple[str, str]]:
     """Return rows (name, words) of all known figures."""
     from cubicfish_cli.words.camera import lens_rows, pictures_of
 

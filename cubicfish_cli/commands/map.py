@@ -125,7 +125,7 @@ def map_files(options: MapOptions, *, run: Run = Run()) -> MapFiles:
             not be replaced.
 
     """
-    from cubicfish.io.camera_keys import read_camera
+    from cubicfish.io import read_camera
     from cubicfish.views import MapInBands, choose_view
     from cubicfish_cli.undistortion.map_formats import camera_path, map_paths
 

@@ -84,8 +84,7 @@ class UndistortedFiles:
 def _record_failure(name: str, error: CubicfishError) -> dict[str, Any]:
     """Return a failure as plain data: a finding, and its name and problem."""
     from cubicfish import Finding
-    from cubicfish.judge import Severity
-    from cubicfish.judge.codes import Code
+    from cubicfish.judge import Code, Severity
     from cubicfish_cli.words.sentences import record_of, render_error
 
     problem = render_error(error)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish import OutputError, Run, UsageError
-from cubicfish.files import StrPath, write_files
+from cubicfish.files import StrPath
 from cubicfish_cli.core_table import COMMANDS, commands_of
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.inputs.target_source import target_in
@@ -158,21 +158,21 @@ def check_target_files(options: CheckOptions, *, run: Run = Run()) -> TargetChec
         OutputError: the drawing exists and may not be replaced, or has another suffix.
 
     """
-    path = path_or_none(options.drawing)
+    path, plan = path_or_none(options.drawing), Plan(run).reads(options.target)
     if path is None and run.overwrite:
         raise UsageError("--overwrite goes with --draw, which writes a file: leave it out")
     if path is not None:
         if path.suffix.lower() != ".svg":
             raise OutputError(f"{path}: drawings are SVG: end the name in .svg")
         extra.require(extra.PRINTING, "a drawing")
-        Plan(run).reads(options.target).writes(path)
+        plan.writes(path)
     loaded = target_in(options.target).as_printed()
     run.listener.progress("Looking at the target from all sides")
     checked = check_target(loaded)
     if path is not None:
         with extra.quiet():
             from cubicfish_cli.render.target_drawing import object_svg
-        write_files({path: object_svg(loaded)}, overwrite=run.overwrite)
+        plan.write({path: object_svg(loaded)})
     return replace(checked, drawing=path)
 
 

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 import click
 from click.core import ParameterSource
 
-from cubicfish import CameraFileError, UsageError, quoted
+from cubicfish import CameraFileError, CubicfishError, UsageError, quoted
+from cubicfish.arguments import refuse_misfit
 from cubicfish_cli.inputs.paths import in_folder
 
 if TYPE_CHECKING:
@@ -282,6 +283,22 @@ def as_command(
     return decorate
 
 
+def _saying_what_misfits(kind: type) -> Callable[[Any], None]:
+    """A record's own check, in which a field of another kind may end in any error of Python's."""
+    check: Callable[[Any], None] = vars(kind)["__post_init__"]
+
+    def check_or_explain(made: Any) -> None:
+        try:
+            check(made)
+        except CubicfishError:
+            raise
+        except (AttributeError, TypeError, ValueError):
+            refuse_misfit(kind.__name__, made, kind)
+            raise
+
+    return check_or_explain
+
+
 @dataclass_transform(kw_only_default=True, frozen_default=True)
 def record(kind: type[Kind]) -> type[Kind]:
     """A frozen record of options: each field is one, or has a plain default."""
@@ -294,6 +311,8 @@ def record(kind: type[Kind]) -> type[Kind]:
             setattr(kind, name, one.default)
     checked: Any = kind
     checked.checked_fields = True
+    if "__post_init__" in vars(kind):
+        checked.__post_init__ = _saying_what_misfits(kind)
     setattr(kind, _OPTIONS, {**getattr(kind, _OPTIONS, {}), **options})
     return dataclass(frozen=True, kw_only=True)(kind)
 
@@ -576,10 +595,18 @@ def refine_target_option(help: str, default: str | None = "auto") -> Any:
     return option("--refine-target", help, levels, default)
 
 
-def _read_size(text: str) -> tuple[int, int]:
-    from cubicfish.io.corners_csv import parse_size
+_MAX_SIDE = 100_000
 
-    return parse_size(text)
+
+def _read_size(text: str) -> tuple[int, int]:
+    """``1280x800`` -> (1280, 800)."""
+    match = re.fullmatch(r"\s*([0-9]{1,6})\s*[xX×]\s*([0-9]{1,6})\s*", text)
+    size = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not 0 < min(size) <= max(size) <= _MAX_SIDE:
+        raise UsageError(
+            f"{quoted(text)} is not an image size: write WIDTHxHEIGHT, such as 1280x800"
+        )
+    return size
 
 
 SIZE = Parsed("WIDTHxHEIGHT", _read_size)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from cubicfish.judge.finding import FindingText
+from cubicfish.judge import FindingText
 
 _Finding = TypeVar("_Finding", bound=Callable[..., FindingText])
 _Text = TypeVar("_Text", bound=Callable[..., str])

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish import CubicfishError, OutputError, Run, UsageError
-from cubicfish.files import StrPath, write_files
+from cubicfish.files import StrPath
 from cubicfish_cli.inputs.paths import calibration_files, in_folder, path_or_none
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
@@ -107,7 +107,7 @@ def advise_files(options: AdviseOptions, *, run: Run = Run()) -> AdviceFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish.io.camera_yaml import Calibrated
+    from cubicfish import CubicCamera
     from cubicfish_cli.extensions.advice.advise import advise
     from cubicfish_cli.inputs.calibration_facts import facts_of_files
 
@@ -125,7 +125,7 @@ def advise_files(options: AdviseOptions, *, run: Run = Run()) -> AdviceFiles:
     plan.reads(facts.sources)
     if given is not None and facts.target is None:
         raise UsageError("name the target of these corners with --target target.yaml")
-    if not isinstance(facts.known, Calibrated):
+    if not isinstance(facts.known.camera, CubicCamera):
         raise CubicfishError(
             f"{path} is of lift 'point', which has no rays: its uncertainty over the field, "
             "and what would lower it, cannot be worked out; calibrate with --lift ray for this"
@@ -140,7 +140,7 @@ def advise_files(options: AdviseOptions, *, run: Run = Run()) -> AdviceFiles:
         with extra.quiet():
             from cubicfish_cli.extensions.advice.picture import advice_picture
         picture = advice_picture(advice, drawing.suffix.lower())
-        write_files({drawing: picture}, overwrite=run.overwrite)
+        plan.write({drawing: picture})
     return AdviceFiles(model=path, advice=advice, picture=drawing)
 
 

@@ -116,7 +116,7 @@ def choose_frames(options: FramesOptions, *, run: Run = Run()) -> ChosenFrames:
         chosen = chosen_of(measured, targets, options.most, run)
         plan.writes(*(folder / frame.photo.name for frame in chosen.taken), within=folder)
         run.listener.progress("Writing frames")
-        write_chosen(folder, chosen, overwrite=run.overwrite)
+        write_chosen(folder, chosen, plan)
     return ChosenFrames(
         photos=tuple(folder / frame.photo.name for frame in chosen.taken),
         sheet=folder / SHEET,

@@ -107,7 +107,6 @@ def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
     import numpy as np
 
     from cubicfish import load_rig, rectify
-    from cubicfish.files.plain_yaml import plain_yaml_text
     from cubicfish.views import CentralView, ChosenView, choose_view, sees
     from cubicfish_cli.undistortion.map_formats import MapInBands, camera_path, map_paths
 
@@ -143,20 +142,13 @@ def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
         chosen = ChosenView(views={"": common})
     turned = zip(both, between.cameras, between.views(common), strict=True)
     maps = {name: MapInBands.of_camera(camera, own) for name, camera, own in turned}
-    about_pair = {
-        "cameras": list(both),
-        "units": loaded.units,
-        "photo_sizes": [list(camera.image_size) for camera in between.cameras],
-        **between.as_record(common),
-    }
-    more = {about: plain_yaml_text(about_pair)}
     return PairMapFiles(
         model=loaded.files[0],
         own=files_of(plan),
-        written=write_maps(plan, maps, goal, run, more),
+        written=write_maps(plan, maps, goal, run, {about: between.text(common)}),
         image_size=between.image_size,
         view=chosen,
-        stereo=about_pair,
+        stereo=between.as_record(common),
     )
 
 

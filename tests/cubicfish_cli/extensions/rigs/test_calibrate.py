@@ -365,6 +365,60 @@ def test_shots_may_be_listed(
     assert [one["shot"] for one in record["fit"]["per_shot"]] == ["s1", "s2", "s3", "s4", "s5"]
 
 
+def with_known_lenses(folder: Path, rig: Path) -> list[object]:
+    """The command that calibrates both cameras of the folder again, with the lenses of a rig."""
+    lenses = [f"--lens={name}={rig / name}" for name in ("left", "right")]
+    return [*calibrate_pair(folder), *lenses]
+
+
+def test_what_an_earlier_rig_left_is_removed(
+    run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    rig = tmp_path / "rig"
+    shutil.copytree(made[0], rig)
+    left = [rig / "target.refined.yaml", rig / "report.html"]
+    for path in left:
+        path.write_text("of an earlier rig")
+    line = [*with_known_lenses(folder, made[0]), "-o", rig, "--no-report"]
+    assert "exists already" in run(*line, code=1).stderr
+    assert all(path.exists() for path in left)
+    said = " ".join(run(*line, "--overwrite").stderr.split())
+    assert not any(path.exists() for path in left)
+    assert all(f"removed {path}" in said for path in left)
+    assert (rig / "rig.yaml").exists()
+
+
+def test_tables_of_shots_are_read_before_photos_are_searched(
+    run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    table = tmp_path / "shots.csv"
+    table.write_text("shot,camera\n")
+    line = [*with_known_lenses(folder, made[0]), "--shots", table, "-o", tmp_path / "rig"]
+    said = run(*line, code=1).stderr
+    assert "shots.csv" in said
+    assert "Camera left" not in said
+    table.write_text("shot,camera,image\none,rear,a.png\n")
+    assert "Camera left" in run(*line, code=1).stderr
+
+
+@pytest.mark.usefixtures("with_report")
+def test_a_rig_is_not_lost_where_its_page_fails(
+    run: Run,
+    folder: Path,
+    made: tuple[Path, dict[str, Any]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fail(rig: Rig) -> str:
+        raise RuntimeError(f"no picture of {len(rig.cameras)} cameras")
+
+    monkeypatch.setattr("cubicfish_cli.extensions.rigs.page.rig_html", fail)
+    said = run(*with_known_lenses(folder, made[0]), "-o", tmp_path / "rig").stderr
+    assert "no picture of 2 cameras" in " ".join(said.split())
+    assert (tmp_path / "rig" / "rig.yaml").exists()
+    assert not (tmp_path / "rig" / "report.html").exists()
+
+
 @pytest.mark.parametrize(
     ("path", "name"),
     [
