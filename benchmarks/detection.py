@@ -23,7 +23,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from cubicfish.target import Checkerboard
+from cubicfish.target import BOARD_TYPES
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -112,7 +112,7 @@ def rendered() -> Iterator[Photo]:
         ("back", (gap, 0, gap), (1, 0, 0), (0, 0, 1)),
     )
     boards = tuple(
-        Checkerboard(
+        BOARD_TYPES["checkerboard"](
             name=name,
             columns=n,
             rows=n,

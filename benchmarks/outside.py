@@ -21,7 +21,7 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
-from cubicfish.target import Checkerboard
+from cubicfish.target import BOARD_TYPES
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -52,7 +52,7 @@ def board() -> Target:
     return Target(
         units="mm",
         boards=(
-            Checkerboard(
+            BOARD_TYPES["checkerboard"](
                 name="board",
                 columns=9,
                 rows=6,

@@ -28,7 +28,6 @@ from cubicfish.io.corners_csv import load_corners as load_corners
 from cubicfish.io.corners_csv import save_corners as save_corners
 from cubicfish.judge.finding import Finding as Finding
 from cubicfish.judge.verdict import Verdict as Verdict
-from cubicfish.lazy import lazy_names as lazy_names
 from cubicfish.listener import Event as Event
 from cubicfish.listener import Listener as Listener
 from cubicfish.models.cubic import CubicCamera as CubicCamera
@@ -46,9 +45,7 @@ from cubicfish.rigs.stereo import rectify as rectify
 from cubicfish.run import Run as Run
 from cubicfish.target.observations import Observations as Observations
 from cubicfish.target.target import Target as Target
-from cubicfish.types import BoolArray as BoolArray
 from cubicfish.types import FloatArray as FloatArray
-from cubicfish.types import IntArray as IntArray
 from cubicfish.views.bands import save_map as save_map
 from cubicfish.views.choose import build_view as build_view
 from cubicfish.views.maps import UndistortMap as UndistortMap

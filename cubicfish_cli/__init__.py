@@ -26,6 +26,6 @@ Conventions, the same everywhere in the package:
 
 __version__ = "0.1.0"
 
-from cubicfish import lazy_names
+from cubicfish.lazy import lazy_names
 
 __getattr__, __dir__ = lazy_names(__name__, checked=True)

@@ -17,7 +17,7 @@ from cubicfish import (
     load_corners,
 )
 from cubicfish.files import Fingerprint
-from cubicfish.io.corners_csv import load_correspondences
+from cubicfish.io import load_correspondences
 from cubicfish.photos.photos import VIDEO_SUFFIXES
 from cubicfish_cli.inputs.paths import (
     InputKind,

@@ -15,6 +15,7 @@ calibration's folder itself.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -95,9 +96,14 @@ def origin(
 
 def camera_contents(text: str, corners: Observations | None) -> dict[str, Content]:
     """What a camera's own files hold, by kind; no corners where they need not be written."""
-    from cubicfish.io.corners_csv import corners_text
+    return {"camera": text, **({} if corners is None else {"corners": corners_content(corners)})}
 
-    return {"camera": text, **({} if corners is None else {"corners": corners_text(corners)})}
+
+def corners_content(corners: Observations) -> Content:
+    """What writes ``corners.csv``."""
+    from cubicfish import save_corners
+
+    return partial(save_corners, corners=corners, overwrite=True)
 
 
 def page(maker: Place, *given: object, run: Run) -> Content | None:

@@ -4,7 +4,7 @@ from cubicfish.files.fingerprint import Fingerprint as Fingerprint
 from cubicfish.files.frame_names import FrameName as FrameName
 from cubicfish.files.reading import read_bytes as read_bytes
 from cubicfish.files.reading import read_text as read_text
-from cubicfish.files.tables import csv_text as csv_text
+from cubicfish.files.tables import Table as Table
 from cubicfish.files.whole_files import Content as Content
 from cubicfish.files.whole_files import StrPath as StrPath
 from cubicfish.files.whole_files import refuse_existing as refuse_existing

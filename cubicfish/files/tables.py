@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -81,72 +81,87 @@ class Table:
         names = tuple(name.encode().decode() for name in index)
         return names, np.array(codes, np.intp)
 
+    @classmethod
+    def read(
+        cls,
+        path: Path,
+        *,
+        required: Sequence[str],
+        optional: Sequence[str],
+        error: type[CubicfishError],
+    ) -> Self:
+        """Read a CSV file with a header, an optional first line that starts with ``#``.
 
-def read_table(
-    path: Path, *, required: Sequence[str], optional: Sequence[str], error: type[CubicfishError]
-) -> Table:
-    """Read a CSV file with a header, an optional first line that starts with ``#``.
+        Columns may stand in any order. A byte order mark and any line ends are accepted.
 
-    Columns may stand in any order. A byte order mark and any line ends are accepted.
+        Raises:
+            error: the file cannot be read, is not a CSV table, or lacks or has other columns.
 
-    Raises:
-        error: the file cannot be read, is not a CSV table, or lacks or has other columns.
+        """
+        text = read_text(path, max_bytes=MAX_BYTES, error=error)
+        return cls.parse(str(path), text, required=required, optional=optional, error=error)
 
-    """
-    text = read_text(path, max_bytes=MAX_BYTES, error=error)
-    return parse_table(str(path), text, required=required, optional=optional, error=error)
-
-
-def parse_table(
-    name: str,
-    text: str,
-    *,
-    required: Sequence[str],
-    optional: Sequence[str],
-    error: type[CubicfishError],
-) -> Table:
-    """As :func:`read_table`, from text that is called ``name`` in messages."""
-    if text.count(",") + text.count("\n") > MAX_VALUES:
-        raise error(f"{name} holds more than {MAX_VALUES:,} values: is it the right file?")
-    comment = ""
-    if text.startswith("#"):
-        comment, text = (*re.split("\r\n?|\n", text, maxsplit=1), "")[:2]
-    offset = 1 if comment else 0
-    rows, lines = _split_rows(name, text, offset, error)
-    wanted = ",".join(required)
-    if not rows:
-        raise error(
-            f"{name} is empty: its header must be {wanted}: make it again, or name another file"
+    @classmethod
+    def parse(
+        cls,
+        name: str,
+        text: str,
+        *,
+        required: Sequence[str],
+        optional: Sequence[str],
+        error: type[CubicfishError],
+    ) -> Self:
+        """As :meth:`read`, from text that is called ``name`` in messages."""
+        if text.count(",") + text.count("\n") > MAX_VALUES:
+            raise error(f"{name} holds more than {MAX_VALUES:,} values: is it the right file?")
+        comment = ""
+        if text.startswith("#"):
+            comment, text = (*re.split("\r\n?|\n", text, maxsplit=1), "")[:2]
+        offset = 1 if comment else 0
+        rows, lines = _split_rows(name, text, offset, error)
+        wanted = ",".join(required)
+        if not rows:
+            raise error(
+                f"{name} is empty: its header must be {wanted}: make it again, or name another file"
+            )
+        header = [column.strip() for column in rows[0]]
+        where = f"{name}, line {lines[0]}"
+        other = next((one for one in ";\t" if len(header) == 1 and one in header[0]), None)
+        if other is not None:
+            kind = "semicolons" if other == ";" else "tabs"
+            raise error(
+                f"{where}: {kind} separate its values: save it as CSV with commas between them"
+            )
+        for column in required:
+            if column not in header:
+                raise error(f"{where}: the header must be {wanted}: {quoted(column)} is missing")
+        for index, column in enumerate(header):
+            if column not in required and column not in optional:
+                known = did_you_mean(column, [*required, *optional])
+                raise error(f"{where}: unknown column {quoted(column)}: {known}")
+            if column in header[:index]:
+                raise error(f"{where}: the column {quoted(column)} is there twice")
+        if len(rows) == 1:
+            raise error(
+                f"{name} has a header and no rows below it: make it again, or name another file"
+            )
+        if set(map(len, rows)) != {len(header)}:
+            index = next(i for i, row in enumerate(rows) if len(row) != len(header))
+            raise error(
+                f"{name}, line {lines[index]}: {len(rows[index])} values where {len(header)} belong"
+            )
+        del rows[0]
+        columns = {column: [row[index] for row in rows] for index, column in enumerate(header)}
+        return cls(
+            name=name, error=error, comment=comment[1:].strip(), columns=columns, lines=lines[1:]
         )
-    header = [column.strip() for column in rows[0]]
-    where = f"{name}, line {lines[0]}"
-    other = next((one for one in ";\t" if len(header) == 1 and one in header[0]), None)
-    if other is not None:
-        kind = "semicolons" if other == ";" else "tabs"
-        raise error(f"{where}: {kind} separate its values: save it as CSV with commas between them")
-    for column in required:
-        if column not in header:
-            raise error(f"{where}: the header must be {wanted}: {quoted(column)} is missing")
-    for index, column in enumerate(header):
-        if column not in required and column not in optional:
-            known = did_you_mean(column, [*required, *optional])
-            raise error(f"{where}: unknown column {quoted(column)}: {known}")
-        if column in header[:index]:
-            raise error(f"{where}: the column {quoted(column)} is there twice")
-    if len(rows) == 1:
-        raise error(
-            f"{name} has a header and no rows below it: make it again, or name another file"
-        )
-    if set(map(len, rows)) != {len(header)}:
-        index = next(i for i, row in enumerate(rows) if len(row) != len(header))
-        raise error(
-            f"{name}, line {lines[index]}: {len(rows[index])} values where {len(header)} belong"
-        )
-    del rows[0]
-    columns = {column: [row[index] for row in rows] for index, column in enumerate(header)}
-    return Table(
-        name=name, error=error, comment=comment[1:].strip(), columns=columns, lines=lines[1:]
-    )
+
+    @staticmethod
+    def text(rows: Iterable[Sequence[object]]) -> str:
+        """Rows of values as CSV, quoted where needed; floats so that they read back exactly."""
+        text = io.StringIO(newline="")
+        csv.writer(text, lineterminator="\n").writerows(rows)
+        return text.getvalue()
 
 
 def _split_rows(
@@ -163,13 +178,6 @@ def _split_rows(
         line = reader.line_num + offset
         raise error(f"{name}, line {line}: not a comma-separated table: {problem}") from problem
     return rows, lines
-
-
-def csv_text(rows: Iterable[Sequence[object]]) -> str:
-    """Rows of values as CSV, quoted where needed; floats so that they read back exactly."""
-    text = io.StringIO(newline="")
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()
 
 
 def _parse_whole_number(text: str) -> int:

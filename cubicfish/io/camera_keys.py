@@ -30,7 +30,7 @@ _KEYS = (
 _NO_CAMERA = "name the camera.yaml that 'cubicfish calibrate'"
 
 
-def read_camera(path: Path) -> CubicCamera:
+def read_camera(path: Path | str) -> CubicCamera:
     """Read the camera alone from a camera.yaml of the ``ray`` lift.
 
     Raises:
@@ -38,9 +38,9 @@ def read_camera(path: Path) -> CubicCamera:
             wrong with the fit's record alone.
 
     """
-    file = read_keys(path)
+    file = read_keys(Path(path))
     if file.data["lift"] == "point":
-        refuse_point(path)
+        refuse_point(Path(path))
     return make_ray_camera(file)
 
 

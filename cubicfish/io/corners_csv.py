@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish.arrays import Refusal
 from cubicfish.errors import CorrespondenceError
-from cubicfish.files.reading import MAX_COORDINATE, MAX_SIDE
-from cubicfish.files.tables import Table, csv_text, read_table
+from cubicfish.files.reading import MAX_COORDINATE
+from cubicfish.files.tables import Table
 from cubicfish.files.whole_files import write_files
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
@@ -21,22 +22,7 @@ PAIR_COLUMNS = ("image", "X", "Y", "Z", "x", "y")
 _CERTAIN = "certain"
 # The newest version of each kind of file that is read.
 _VERSIONS = {"corners": 2, "correspondences": 1}
-
-
-def parse_size(text: str) -> tuple[int, int]:
-    """``1280x800`` -> (1280, 800).
-
-    Raises:
-        CorrespondenceError: the text is not two positive whole numbers.
-
-    """
-    match = re.fullmatch(r"\s*([0-9]{1,6})\s*[xX×]\s*([0-9]{1,6})\s*", text)
-    width, height = (int(match[1]), int(match[2])) if match else (0, 0)
-    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
-        raise CorrespondenceError(
-            f"{quoted(text)} is not an image size: write WIDTHxHEIGHT, such as 1280x800"
-        )
-    return width, height
+_SIZE = "([0-9]{1,6})x([0-9]{1,6})"
 
 
 def load_corners(
@@ -55,7 +41,7 @@ def load_corners(
             the file and the line.
 
     """
-    table = read_table(
+    table = Table.read(
         Path(path),
         required=CORNER_COLUMNS,
         optional=("weight", _CERTAIN),
@@ -112,7 +98,7 @@ def corners_text(corners: Observations) -> str:
         columns.append(corners.weight.tolist())
     width, height = corners.image_size
     first = f"# cubicfish corners {version}, image_size {width}x{height}\n"
-    return first + csv_text(chain([header], zip(*columns, strict=True)))
+    return first + Table.text(chain([header], zip(*columns, strict=True)))
 
 
 def load_correspondences(path: Path, *, image_size: tuple[int, int] | None = None) -> Observations:
@@ -128,7 +114,7 @@ def load_correspondences(path: Path, *, image_size: tuple[int, int] | None = Non
             names the file and the line.
 
     """
-    table = read_table(path, required=PAIR_COLUMNS, optional=("weight",), error=CorrespondenceError)
+    table = Table.read(path, required=PAIR_COLUMNS, optional=("weight",), error=CorrespondenceError)
     size = _find_image_size(table, "correspondences", image_size)
     images, image = table.codes("image")
     world = table.points("X", "Y", "Z")
@@ -161,14 +147,16 @@ def _find_image_size(table: Table, kind: str, given: tuple[int, int] | None) -> 
             )
         return given
     version = f"[1-{_VERSIONS[kind]}]"
-    size = re.fullmatch(rf"cubicfish\s+{kind}\s+{version}\s*,\s*image_size\s+(\S+)", table.comment)
+    size = re.fullmatch(
+        rf"cubicfish\s+{kind}\s+{version}\s*,\s*image_size\s+{_SIZE}", table.comment
+    )
     if size is None:
         raise CorrespondenceError(
             f"{table.name}, line 1: it must be '# cubicfish {kind} 1, image_size WxH', not "
             f"{quoted(table.comment)}: name another file, or use a newer cubicfish"
         )
     try:
-        stated = parse_size(size[1])
+        stated = Refusal(error=CorrespondenceError).size((int(size[1]), int(size[2])))
     except CorrespondenceError as error:
         raise CorrespondenceError(f"{table.name}, line 1: {error}") from error
     if given is not None and stated != given:

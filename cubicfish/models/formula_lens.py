@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish.angles import angle_from_axis, unit_rays
+from cubicfish.geometry import decentring
 from cubicfish.models.cubic import UNPROJECT_TOLERANCE_PX
 from cubicfish.models.lens import Lens
 from cubicfish.models.radial import RadialCamera
@@ -163,6 +164,13 @@ class FocalLens(FormulaLens):
     fy: float
     cx: float
     cy: float
+
+    @staticmethod
+    def decentring(
+        x: FloatArray, y: FloatArray, p1: float, p2: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """The shift of offsets x, y (N,), in focal lengths, by Brown's decentring."""
+        return decentring(x, y, p1, p2)
 
     @classmethod
     def near(cls, radial: RadialCamera, stretch: float = 1.0, **others: Any) -> Self:

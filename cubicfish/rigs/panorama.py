@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -17,7 +18,6 @@ import numpy.typing as npt
 from cubicfish.errors import ViewError
 from cubicfish.files.reading import MAX_COORDINATE
 from cubicfish.models.cubic import CubicCamera
-from cubicfish.photos.photos import Picture
 from cubicfish.rigs.rig import Rig, RigCamera
 from cubicfish.types import FloatArray
 from cubicfish.views.choose import build_view
@@ -187,8 +187,8 @@ class Panorama:
         return replace(self.maps[0], valid=valid)
 
     def render(
-        self, photos: Mapping[str, Picture], interpolation: Interpolation = "linear"
-    ) -> tuple[Picture, npt.NDArray[np.bool_]]:
+        self, photos: Mapping[str, npt.NDArray[Any]], interpolation: Interpolation = "linear"
+    ) -> tuple[npt.NDArray[Any], npt.NDArray[np.bool_]]:
         """One picture of the photos of a shot, and where it shows something (H, W).
 
         Args:
@@ -247,11 +247,11 @@ def edge_distance(camera: CubicCamera) -> Floats:
 
 def stitch(
     rig: Rig,
-    photos: Mapping[str, Picture],
+    photos: Mapping[str, npt.NDArray[Any]],
     view: View | None = None,
     *,
     distance: float | None = None,
-) -> Picture:
+) -> npt.NDArray[Any]:
     """One picture of a shot, as ``undistort`` renders it.
 
     Args:

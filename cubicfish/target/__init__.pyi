@@ -3,6 +3,4 @@
 from cubicfish.target.boards.board import Board as Board
 from cubicfish.target.boards.markers import Markers as Markers
 from cubicfish.target.boards.types import BOARD_TYPES as BOARD_TYPES
-from cubicfish.target.boards.types import AprilGrid as AprilGrid
-from cubicfish.target.boards.types import Checkerboard as Checkerboard
 from cubicfish.units import MILLIMETRES as MILLIMETRES

@@ -7,4 +7,3 @@ from cubicfish.views.fields import sees as sees
 from cubicfish.views.options import Interpolation as Interpolation
 from cubicfish.views.options import ViewOptions as ViewOptions
 from cubicfish.views.view import CentralView as CentralView
-from cubicfish.views.view import PointProjector as PointProjector

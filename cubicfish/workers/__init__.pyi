@@ -1,4 +1,4 @@
 """The names that this package offers: `lazy.py` reads them too."""
 
+from cubicfish.workers.cluster import connect as connect
 from cubicfish.workers.pool import Executor as Executor
-from cubicfish.workers.pool import Work as Work

@@ -58,7 +58,21 @@ class ComparedFiles:
     picture: Path | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish compare --json`` prints."""
+        """Return plain data: what ``cubicfish compare --json`` prints.
+
+        Keys:
+            rms_px: sqrt(mean(dx² + dy²)) over pixels of the common field
+            median_px: the median difference
+            p95_px: 95 % of the differences are below this
+            max_px: the largest difference
+            pixels: at how many pixels this was measured
+            common_share: share of what A sees that B sees too
+            rotation_deg: the rotation that was taken out
+            scale: A's pixels for one of B's
+            by_angle: a record a ring about the axis: from_deg, to_deg, rms_px, max_px, pixels
+            picture: the file of --picture, where it was asked for
+
+        """
         drawn = {} if self.picture is None else {"picture": self.picture}
         return {**self.comparison.as_record(), **drawn}
 
@@ -74,7 +88,7 @@ def compare_files(options: CompareOptions, *, run: Run = Run()) -> ComparedFiles
 
     """
     from cubicfish import compare
-    from cubicfish.io.camera_keys import read_camera
+    from cubicfish.io import read_camera
     from cubicfish_cli.undistortion.images import check_suffix, write_picture
 
     path = path_or_none(options.picture)

@@ -67,7 +67,19 @@ class DetectedFiles:
     drawings: list[Path] | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish detect --json`` prints."""
+        """Return plain data: what ``cubicfish detect --json`` prints.
+
+        Keys:
+            file: the table of corners
+            image_size: [width, height]
+            images: how many photos have corners
+            corners: how many corners were found
+            findings: what looks wrong with the set-up, a record each
+            per_image: a record per photo: image, boards, corners, added (by the second look),
+                exact (whether names are certain), problem, notes, findings
+            drawings: the pictures that --draw wrote
+
+        """
         from cubicfish_cli.words.remarks import problem_of
 
         keys = ("boards", "corners", "added", "exact")
@@ -105,7 +117,6 @@ def detect_files(options: DetectOptions, *, run: Run = Run()) -> DetectedFiles:
     source.check()
     from cubicfish import save_corners
     from cubicfish.observe import find_corners
-    from cubicfish.photos import read_grey
     from cubicfish_cli.render.drawings import drawings
     from cubicfish_cli.render.overlay import draw_found
     from cubicfish_cli.undistortion.images import write_picture
@@ -123,7 +134,7 @@ def detect_files(options: DetectOptions, *, run: Run = Run()) -> DetectedFiles:
     for done, (photo, report) in enumerate(zip(found, detection.photos, strict=True)):
         progress(done, len(found))
         if report.found is not None:
-            drawn = draw_found(read_grey(photo.path), report, detection.corners)
+            drawn = draw_found(photo.read_grey(), report, detection.corners)
             write_picture(pictures[photo.name], drawn, overwrite=run.overwrite)
             written.append(pictures[photo.name])
     return DetectedFiles(detection=detection, file=file, drawings=written)

@@ -8,9 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish import CubicfishError, FitError, UsageError, did_you_mean, quoted
+from cubicfish import (
+    Calibration,
+    CameraFile,
+    CubicfishError,
+    FitError,
+    UsageError,
+    did_you_mean,
+    quoted,
+)
 from cubicfish.fit import Conversion, to_lens
-from cubicfish.io.camera_yaml import Calibrated
+from cubicfish.rigs import RigCamera
 from cubicfish_cli import __version__
 from cubicfish_cli.extension_guard import Place, written_formats
 from cubicfish_cli.foreign.file_contents import PlacedLens
@@ -66,7 +74,7 @@ class Exported(PlacedLens):
 
 
 def export_camera(
-    calibrated: Calibrated,
+    calibrated: Calibration | CameraFile | RigCamera,
     to: str,
     *,
     max_error: float = MAX_ERROR,

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from cubicfish import (
+    Calibration,
+    CameraFile,
     CubicCamera,
     Event,
     Run,
@@ -17,11 +19,11 @@ from cubicfish import (
     evaluate,
     load_any_camera,
 )
-from cubicfish.io.camera_yaml import Calibrated
 from cubicfish.judge import FitRecord
+from cubicfish.models import PointCamera
 from cubicfish.observe import find_corners
 from cubicfish.photos import Photo
-from cubicfish.views import ChosenView, Interpolation, PointProjector
+from cubicfish.views import ChosenView, Interpolation
 from cubicfish.views.view import matrix_of_rotation
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.undistortion.batch import Size, Views
@@ -32,7 +34,10 @@ class PlaneViews(Views):
     """Views of a board's plane, one per photo, since the board's pose differs."""
 
     def __init__(
-        self, given: Path | Calibrated | CubicCamera, options: PlaneOptions, how: Interpolation
+        self,
+        given: Path | Calibration | CameraFile | CubicCamera,
+        options: PlaneOptions,
+        how: Interpolation,
     ) -> None:
         """Prepare for the board of a target.
 
@@ -92,7 +97,7 @@ class PlaneViews(Views):
         )
         return ChosenView(views={"": plane}, camera=camera, unit=self._target.units)
 
-    def _find_placed(self, source: Path, size: Size) -> tuple[PointProjector, Any, Any]:
+    def _find_placed(self, source: Path, size: Size) -> tuple[CubicCamera | PointCamera, Any, Any]:
         """Return a camera, and the rotation and the translation from the world to its frame."""
         camera = self._seen_by
         if not isinstance(camera, CubicCamera):

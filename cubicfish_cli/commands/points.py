@@ -170,7 +170,7 @@ def project_points(options: ProjectOptions, *, run: Run = Run()) -> Points:
 
     """
     from cubicfish import load_any_camera
-    from cubicfish.io.camera_yaml import PointCameraFile
+    from cubicfish.io import PointCameraFile
 
     loaded = load_any_camera(in_folder(Path(options.camera)))
     if isinstance(loaded, PointCameraFile) and options.near:
@@ -232,7 +232,7 @@ def unproject_points(options: UnprojectOptions, *, run: Run = Run()) -> Points:
         CubicfishError: the camera or the pixels cannot be used.
 
     """
-    from cubicfish.io.camera_keys import read_camera
+    from cubicfish.io import read_camera
 
     camera = read_camera(in_folder(Path(options.camera)))
     read = read_points(Path(options.pixels), ("x", "y"))

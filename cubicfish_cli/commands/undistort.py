@@ -29,8 +29,7 @@ from cubicfish_cli.undistortion.options import PlaneOptions
 from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish import CubicCamera, View
-    from cubicfish.io.camera_yaml import Calibrated
+    from cubicfish import Calibration, CameraFile, CubicCamera, View
     from cubicfish_cli.commands.pictures import UndistortedFiles
     from cubicfish_cli.undistortion.batch import Views
 
@@ -151,7 +150,7 @@ class UndistortOptions(PictureOptions):
         "The picture or video that is made of one; of several, or without a suffix, a folder.",
         metavar="OUT",
     )
-    camera: StrPath | Calibrated | CubicCamera = parameters.model_options
+    camera: StrPath | Calibration | CameraFile | CubicCamera = parameters.model_options
     view: View | ViewOptions | PlaneOptions | None = view_or_plane_options
     crf: int | None = option(
         "--crf 0-63",
@@ -228,14 +227,14 @@ def _find_sources(names: Sequence[str], run: Run) -> tuple[str, dict[str, Path],
 
 def _make_views(
     kind: str,
-    given: Path | Calibrated | CubicCamera,
+    given: Path | Calibration | CameraFile | CubicCamera,
     sources: Sequence[Path],
     options: UndistortOptions,
     run: Run,
 ) -> Views:
     """Prepare the views of photos or videos."""
     from cubicfish import CubicCamera
-    from cubicfish.io.camera_keys import read_camera
+    from cubicfish.io import read_camera
     from cubicfish_cli.undistortion.batch import Views
 
     how = options.interpolation

@@ -14,8 +14,9 @@ from itertools import combinations
 from typing import Literal, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
-from cubicfish import BoolArray, FloatArray, IntArray
+from cubicfish import FloatArray
 from cubicfish.geometry import outermost
 
 # The parts of the picture: columns and rows, fine for places and coarse for what is seen there.
@@ -55,7 +56,7 @@ class Patch:
     """
 
     board: int
-    cells: IntArray
+    cells: npt.NDArray[np.intp]
     pixel: FloatArray
     certain: bool = True
 
@@ -86,7 +87,7 @@ class Seen:
         return np.concatenate([np.zeros((0, 2)), *(patch.pixel for patch in self.patches)])
 
     @cached_property
-    def names(self) -> IntArray:
+    def names(self) -> npt.NDArray[np.intp]:
         """(N,) a number for each of them, the same in every picture."""
         named = [
             (patch.board * _MANY + patch.cells[:, 0]) * _MANY + patch.cells[:, 1]
@@ -237,7 +238,9 @@ def choose_shots(
     return _choose_greedily(*pools, gains, apart, copy, most)
 
 
-def _rate_pictures(pictures: Sequence[Seen], still_px: float) -> tuple[BoolArray, FloatArray]:
+def _rate_pictures(
+    pictures: Sequence[Seen], still_px: float
+) -> tuple[npt.NDArray[np.bool_], FloatArray]:
     """Which of a camera's pictures are good (S,), and how much their corners weigh (S,).
 
     Those without corners are not good, and weigh nothing.
@@ -349,7 +352,9 @@ def _rate_shown(picture: Seen, size: tuple[int, int]) -> FloatArray:
     return np.asarray(np.minimum(1.0, shown / _FULL))
 
 
-def _find_part(pixel: FloatArray, size: tuple[int, int], parts: tuple[int, int]) -> IntArray:
+def _find_part(
+    pixel: FloatArray, size: tuple[int, int], parts: tuple[int, int]
+) -> npt.NDArray[np.intp]:
     """Return the number of the part of the picture that each point (N, 2) is in."""
     at = (pixel + 0.5) / np.array(size) * np.array(parts)
     column, row = np.clip(at.astype(int), 0, np.array(parts) - 1).T

@@ -15,10 +15,10 @@ from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from cubicfish import Event, Listener, PhotoError, read_picture, shown
 from cubicfish.files import whole_file
-from cubicfish.photos import Picture
 from cubicfish_cli.films.measure import Grey, motion, sharpness, small_picture
 from cubicfish_cli.films.source import Film, frames, missing_frames, opened
 
@@ -212,7 +212,7 @@ def copy_as_png(kept: Path, path: Path) -> None:
         path.write_bytes(_encode(read_picture(kept), ".png"))
 
 
-def _encode(picture: Picture, suffix: str) -> bytes:
+def _encode(picture: npt.NDArray[Any], suffix: str) -> bytes:
     return cv2.imencode(suffix, picture, _FAST if suffix == ".png" else [])[1].tobytes()
 
 

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from cubicfish import (
-    BoolArray,
     Calibration,
+    CameraFile,
     CubicCamera,
     CubicfishError,
     FloatArray,
@@ -27,8 +28,7 @@ from cubicfish import (
     quoted,
 )
 from cubicfish.files import Fingerprint
-from cubicfish.io.camera_yaml import CameraRecord
-from cubicfish.io.corners_csv import load_correspondences
+from cubicfish.io import PointCameraFile, load_correspondences
 from cubicfish.judge import FitRecord, Origin, PhotoRecord
 from cubicfish.models import angle_from_axis
 from cubicfish.photos import find_photos
@@ -42,6 +42,8 @@ from cubicfish_cli.words.sufficiency import summary
 
 if TYPE_CHECKING:
     from cubicfish.fit import PointCalibration
+
+    Known = Calibration | CameraFile | PointCalibration | PointCameraFile
     from cubicfish.models import PointCamera
 
 REFINED = ("shape", "points")
@@ -103,7 +105,7 @@ class Facts:
 
     """
 
-    known: CameraRecord
+    known: Known
     verdict_words: Mapping[str, str]
     dropped_pixels: tuple[tuple[str, FloatArray], ...]
     errors: ErrorFacts | None
@@ -143,7 +145,7 @@ class Facts:
 
 
 def gather(
-    known: CameraRecord,
+    known: Known,
     *,
     pairs: Observations | None,
     target: Target | None,
@@ -262,7 +264,7 @@ def _measure_errors(
     return ErrorFacts(pairs=used, residual=residual, angle_deg=angle, gaps=gaps), None
 
 
-def _find_dropped(pairs: Observations, fit: FitRecord) -> BoolArray:
+def _find_dropped(pairs: Observations, fit: FitRecord) -> npt.NDArray[np.bool_]:
     """Which pairs are corners that the fit dropped."""
     if not fit.dropped_corners:
         return np.zeros(len(pairs.pixel), bool)

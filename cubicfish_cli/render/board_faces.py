@@ -4,8 +4,9 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from cubicfish import BoolArray, FloatArray, IntArray, TargetError
+from cubicfish import FloatArray, TargetError
 from cubicfish.target import Board, Markers
 
 
@@ -22,7 +23,7 @@ class Face:
 
     x: FloatArray
     y: FloatArray
-    dark: BoolArray
+    dark: npt.NDArray[np.bool_]
     margin: float
 
     @property
@@ -35,11 +36,11 @@ class Face:
         """The paper's corner of the largest x and y."""
         return float(self.x[-1]) + self.margin, float(self.y[-1]) + self.margin
 
-    def covers(self, plane: FloatArray) -> BoolArray:
+    def covers(self, plane: FloatArray) -> npt.NDArray[np.bool_]:
         """Whether plane positions (..., 2) are on the paper -> (...)."""
         return np.asarray(((plane >= self.lower) & (plane <= self.upper)).all(axis=-1))
 
-    def is_dark(self, plane: FloatArray) -> BoolArray:
+    def is_dark(self, plane: FloatArray) -> npt.NDArray[np.bool_]:
         """Whether there is ink at plane positions (..., 2) -> (...)."""
         column = np.searchsorted(self.x, plane[..., 0], side="right")
         row = np.searchsorted(self.y, plane[..., 1], side="right")
@@ -71,7 +72,7 @@ def board_face(board: Board, *, margin: float) -> Face:
     return Face(x=x, y=y, dark=dark, margin=margin * board.square)
 
 
-_Blocks = tuple[int, float, FloatArray, BoolArray, int]
+_Blocks = tuple[int, float, FloatArray, npt.NDArray[np.bool_], int]
 """Number of the first block of cells, distance between blocks, where (B,) a block's cells begin,
 (R, B, C, B) which are black, and how many of the last block are not there."""
 
@@ -106,7 +107,7 @@ def _lay_out_tags(board: Board) -> _Blocks:
     return 0, board.square * (1 + board.spacing), steps, blocks, size
 
 
-def marker_ink(markers: Markers, ids: IntArray, border: int) -> BoolArray:
+def marker_ink(markers: Markers, ids: npt.NDArray[np.intp], border: int) -> npt.NDArray[np.bool_]:
     """Which modules of markers are black: ids (N,) -> (N, S, S), as ``cv2.aruco`` prints them.
 
     ``border`` is the width of the black frame in modules; it is part of S.

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import BoolArray, Finding, FloatArray, IntArray, Observations
+from cubicfish import Finding, FloatArray, Observations
 from cubicfish.find import PhotoReport
-from cubicfish.photos import Picture
 from cubicfish_cli.words.remarks import problem_of
 from cubicfish_cli.words.sentences import render_short
 
@@ -40,7 +40,9 @@ _LEAST_SPAN = 1 / 12
 _SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
 
 
-def draw_found(picture: Picture, report: PhotoReport, corners: Observations) -> ColourPicture:
+def draw_found(
+    picture: npt.NDArray[Any], report: PhotoReport, corners: Observations
+) -> ColourPicture:
     """The photo, dimmed, with all that was found in it and what became of it.
 
     Each board has a colour: lines along its rows and columns, rings at its corners (squares
@@ -84,7 +86,7 @@ class _Canvas:
 
     """
 
-    def __init__(self, picture: Picture) -> None:
+    def __init__(self, picture: npt.NDArray[Any]) -> None:
         """Dim ``picture``, (H, W) of 8 or 16 bits."""
         self.pixels: ColourPicture = np.repeat(_dim(picture)[..., None], 3, axis=2)
         self.unit = max(max(picture.shape) / 1000, 1.0)
@@ -144,7 +146,7 @@ def _draw_board(canvas: _Canvas, board: _Board) -> None:
     canvas.write(board.name, board.pixel.mean(axis=0) + np.array([0, canvas.line]), colour)
 
 
-def _dim(picture: Picture) -> ColourPicture:
+def _dim(picture: npt.NDArray[Any]) -> ColourPicture:
     """The photo from black to half bright, its dark parts raised."""
     full = 65_535 if picture.dtype == np.uint16 else 255
     step = max(min(picture.shape) // 500, 1)
@@ -159,7 +161,9 @@ def _convert_to_fixed(pixel: FloatArray) -> npt.NDArray[np.int32]:
     return np.round(np.asarray(pixel) * (1 << _SHIFT)).astype(np.int32)
 
 
-def _join_neighbours(cells: IntArray, pixel: FloatArray, unit: float) -> tuple[FloatArray, float]:
+def _join_neighbours(
+    cells: npt.NDArray[np.intp], pixel: FloatArray, unit: float
+) -> tuple[FloatArray, float]:
     """Lines (M, 2, 2) along rows and columns, and the radius of a mark between them at a corner.
 
     The marks suit the photo and leave the squares to be seen, the lines the corners themselves.
@@ -188,11 +192,11 @@ class _Board:
 
     """
 
-    cells: IntArray
+    cells: npt.NDArray[np.intp]
     pixel: FloatArray
     name: str
     colour: Colour
-    added: BoolArray
+    added: npt.NDArray[np.bool_]
     convention: bool
 
 

@@ -276,7 +276,9 @@ def as_command(
 
         params = options.parameters() + ways.parameters()
         shown = {"short_help": short_help, "epilog": examples(*lines), **more}
-        return common_options(click.command(name, params=params, **shown)(command))
+        made = common_options(click.command(name, params=params, **shown)(command))
+        vars(made)["do"] = do  # whose result says what --json prints
+        return made
 
     return decorate
 
@@ -593,10 +595,18 @@ def refine_target_option(help: str, default: str | None = "auto") -> Any:
     return option("--refine-target", help, levels, default)
 
 
-def _read_size(text: str) -> tuple[int, int]:
-    from cubicfish.io.corners_csv import parse_size
+_MAX_SIDE = 100_000
 
-    return parse_size(text)
+
+def _read_size(text: str) -> tuple[int, int]:
+    """``1280x800`` -> (1280, 800)."""
+    match = re.fullmatch(r"\s*([0-9]{1,6})\s*[xX×]\s*([0-9]{1,6})\s*", text)
+    size = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not 0 < min(size) <= max(size) <= _MAX_SIDE:
+        raise UsageError(
+            f"{quoted(text)} is not an image size: write WIDTHxHEIGHT, such as 1280x800"
+        )
+    return size
 
 
 SIZE = Parsed("WIDTHxHEIGHT", _read_size)

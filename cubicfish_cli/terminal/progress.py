@@ -175,7 +175,7 @@ class _Cluster:
 
     def each(self, work: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[tuple[int, Any]]:
         if self._there is None:
-            from cubicfish.workers.cluster import connect
+            from cubicfish.workers import connect
 
             self._listener.interrupt()
             self._there = there = self._stack.enter_context(connect(self._address))

@@ -13,6 +13,8 @@ from pathlib import Path
 from threading import RLock
 from typing import TYPE_CHECKING, Any, Self
 
+import numpy.typing as npt
+
 from cubicfish import (
     ClusterError,
     CubicCamera,
@@ -25,7 +27,6 @@ from cubicfish import (
 )
 from cubicfish.files import write_files
 from cubicfish.files.whole_files import remove_orphans
-from cubicfish.photos import Picture
 from cubicfish.photos.photos import decode_picture, one_opencv_thread, photo_size, read_file
 from cubicfish.views import ChosenView, Interpolation, ViewOptions, choose_view
 from cubicfish_cli.undistortion.images import encode_picture, naming
@@ -67,7 +68,7 @@ class Job:
         return replace(self, outputs=outputs)
 
 
-Render = Callable[[Job, Mapping[str, Picture]], Mapping[str, Picture]]
+Render = Callable[[Job, Mapping[str, npt.NDArray[Any]]], Mapping[str, npt.NDArray[Any]]]
 """(job, its photos by their cameras' names) -> the pictures of all parts that the job wants."""
 
 
@@ -127,7 +128,9 @@ class Views:
         """The function that writes the results of a job; the quality is that of pictures."""
         return partial(write_one, render=self, quality=quality)
 
-    def __call__(self, job: Job, photos: Mapping[str, Picture]) -> dict[str, Picture]:
+    def __call__(
+        self, job: Job, photos: Mapping[str, npt.NDArray[Any]]
+    ) -> dict[str, npt.NDArray[Any]]:
         """The pictures of a job; :func:`write_many` calls it."""
         picture, how = photos[""], self.interpolation
         size = picture.shape[1], picture.shape[0]

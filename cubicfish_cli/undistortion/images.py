@@ -10,13 +10,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from cubicfish import CubicfishError, OutputError, shown
 from cubicfish.files import write_files
-from cubicfish.photos import Picture
 from cubicfish.photos.photos import jpeg_segments, quiet_stderr
 
 # What each kind of file can hold: bits per channel, and channels (4 is with transparency). 32 bits
@@ -61,7 +62,7 @@ def check_suffix(path: Path) -> None:
         )
 
 
-def write_picture(path: Path, picture: Picture, *, overwrite: bool) -> None:
+def write_picture(path: Path, picture: npt.NDArray[Any], *, overwrite: bool) -> None:
     """Write a picture (H, W[, 3 or 4]), BGR order, as its suffix says.
 
     Raises:
@@ -74,7 +75,7 @@ def write_picture(path: Path, picture: Picture, *, overwrite: bool) -> None:
 
 
 def encode_picture(
-    path: Path, picture: Picture, *, quality: int | None = None, like: bytes = b""
+    path: Path, picture: npt.NDArray[Any], *, quality: int | None = None, like: bytes = b""
 ) -> bytes:
     """A picture (H, W[, 3 or 4]) of uint8, uint16 or float32 as the bytes of its file.
 

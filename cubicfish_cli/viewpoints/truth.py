@@ -13,9 +13,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import BoolArray, CorrespondenceError, FloatArray, IntArray, Target
-from cubicfish.files import csv_text
-from cubicfish.files.tables import read_table
+from cubicfish import CorrespondenceError, FloatArray, Target
+from cubicfish.files import Table
 from cubicfish_cli.render.board_faces import Face, board_face
 
 Pose = tuple[FloatArray, FloatArray]
@@ -51,7 +50,7 @@ def pose_table_text(poses: Mapping[str, Pose]) -> str:
         (name, *np.asarray(rotation, float).tolist(), *np.asarray(translation, float).tolist())
         for name, (rotation, translation) in poses.items()
     ]
-    return "# cubicfish poses 1, camera_from_world\n" + csv_text([POSE_COLUMNS, *rows])
+    return "# cubicfish poses 1, camera_from_world\n" + Table.text([POSE_COLUMNS, *rows])
 
 
 def load_poses(path: Path) -> dict[str, Pose]:
@@ -62,7 +61,7 @@ def load_poses(path: Path) -> dict[str, Pose]:
             the text names the file and the line.
 
     """
-    table = read_table(path, required=POSE_COLUMNS, optional=(), error=CorrespondenceError)
+    table = Table.read(path, required=POSE_COLUMNS, optional=(), error=CorrespondenceError)
     names, code = table.codes("image")
     numbers = np.stack([table.floats(column) for column in POSE_COLUMNS[1:]], axis=-1)
     for row, values in enumerate(numbers):
@@ -138,7 +137,7 @@ def plates(target: Target, camera_from_world: Pose) -> list[Plate]:
 
 def nearest(
     plates: list[Plate], rays: FloatArray, starts: FloatArray | None = None
-) -> tuple[IntArray, FloatArray, FloatArray]:
+) -> tuple[npt.NDArray[np.intp], FloatArray, FloatArray]:
     """Return the first plate that each ray (N, 3) meets.
 
     Rays start at the camera's centre, or at ``starts`` (N,) along its axis.
@@ -180,13 +179,13 @@ class TrueCorners:
 
     """
 
-    board: IntArray
-    column: IntArray
-    row: IntArray
+    board: npt.NDArray[np.intp]
+    column: npt.NDArray[np.intp]
+    row: npt.NDArray[np.intp]
     world: FloatArray
     camera: FloatArray
     pixel: FloatArray
-    visible: BoolArray
+    visible: npt.NDArray[np.bool_]
 
 
 def project_corners(
@@ -254,4 +253,4 @@ def true_corners_text(
             x, y = seen.pixel[one]
             rows.append((name, own, seen.column[one], seen.row[one], f"{x:.6f}", f"{y:.6f}"))
     width, height = image_size
-    return f"# cubicfish corners 1, image_size {width}x{height}\n" + csv_text(rows)
+    return f"# cubicfish corners 1, image_size {width}x{height}\n" + Table.text(rows)

@@ -14,7 +14,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import BoolArray, CubicCamera, FloatArray, IntArray, Target, TargetError
+from cubicfish import CubicCamera, FloatArray, Target, TargetError
 from cubicfish.target import Board
 from cubicfish_cli.render.board_faces import marker_ink
 from cubicfish_cli.viewpoints.truth import (
@@ -297,7 +297,7 @@ class _Thing:
             largest=max(float(np.linalg.norm(four[2] - four[0])) for four in ends),
         )
 
-    def aims(self, eyes: FloatArray) -> tuple[FloatArray, BoolArray]:
+    def aims(self, eyes: FloatArray) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
         """Return where cameras at ``eyes`` (N, 3) look (N, 3), and which may stand there (N,)."""
         to_eye = eyes[:, None] - self.middles
         height = (to_eye * self.outward).sum(axis=-1)
@@ -369,10 +369,10 @@ def _find_with_board_inside(
     thing: _Thing,
     lens: AnyLens,
     image_size: tuple[int, int],
-    kept: IntArray,
+    kept: npt.NDArray[np.intp],
     turns: FloatArray,
     eyes: FloatArray,
-) -> tuple[IntArray, FloatArray]:
+) -> tuple[npt.NDArray[np.intp], FloatArray]:
     """Return which cameras (N,), with rotations (N, 3, 3), see the four ends of a board.
 
     A quick look, before that at all corners.

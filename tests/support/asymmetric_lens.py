@@ -22,7 +22,7 @@ from cubicfish.geometry import (
     kannala_brandt,
     kannala_brandt_slope,
 )
-from cubicfish.models import FocalLens, FormulaLens, RadialCamera, angle_from_axis, decentring
+from cubicfish.models import FocalLens, RadialCamera, angle_from_axis, decentring
 
 _CHECKED_ANGLES = 4096
 _DECENTRING_ROUNDS = 8
@@ -56,7 +56,7 @@ class AsymmetricLens(FocalLens):
     k: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     p: tuple[float, float] = (0.0, 0.0)
     tilt: tuple[float, float] = (0.0, 0.0)
-    max_angle_deg: float = field(default=95.0, metadata=FormulaLens.FIXED)
+    max_angle_deg: float = field(default=95.0, metadata=FocalLens.FIXED)
 
     def __post_init__(self) -> None:
         angles = np.linspace(0.0, self.max_angle, _CHECKED_ANGLES)

@@ -23,7 +23,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import BoolArray, FloatArray, IntArray, Target
+from cubicfish import FloatArray, Target
 from cubicfish.models import angle_from_axis
 from cubicfish.target import Board
 from cubicfish_cli.extensions.simulation.command import LookOptions
@@ -165,7 +165,7 @@ class Film:
         turn, moved = self.path.at(float(_middle(self.taken, frame, 0.5, 1)))
         return np.asarray(cv2.Rodrigues(turn)[0], float).ravel(), moved
 
-    def corners(self, frame: int) -> tuple[IntArray, FloatArray]:
+    def corners(self, frame: int) -> tuple[npt.NDArray[np.intp], FloatArray]:
         """Visible corners of a frame, numbered as the target's (N,), and their pixels (N, 2).
 
         Each is where it was when its own row was exposed.
@@ -409,7 +409,7 @@ class _Plate:
         light *= 1 - seen[..., 1]
         light += lit * seen[..., 0]
 
-    def _level(self, x: Float32Array, y: Float32Array, hit: BoolArray) -> int:
+    def _level(self, x: Float32Array, y: Float32Array, hit: npt.NDArray[np.bool_]) -> int:
         """The texture whose texels are about as large as pixels."""
         here = hit[:, 1:] & hit[:, :-1]
         x1, y1 = self._lower + self._texel * np.array(self._levels[0].shape[1::-1])
@@ -519,7 +519,7 @@ def _vector(rotation: FloatArray) -> FloatArray:
     return np.asarray(cv2.Rodrigues(rotation)[0], float).ravel()
 
 
-def _near_ones_first(apart: FloatArray) -> IntArray:
+def _near_ones_first(apart: FloatArray) -> npt.NDArray[np.intp]:
     """An order in which each is followed by the nearest of those that are left."""
     order = [0]
     left = set(range(1, len(apart)))

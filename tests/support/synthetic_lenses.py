@@ -25,7 +25,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import BoolArray, FloatArray
+from cubicfish import FloatArray
 from cubicfish.angles import columns
 from cubicfish.models import angle_from_axis
 from cubicfish.target import MILLIMETRES
@@ -324,7 +324,7 @@ class SyntheticLens:
     def _pupil(self, angle: FloatArray) -> FloatArray:
         return self.profile.pupil(angle) / MILLIMETRES.get(self.units, 1.0)
 
-    def _in_field(self, angle: FloatArray) -> BoolArray:
+    def _in_field(self, angle: FloatArray) -> npt.NDArray[np.bool_]:
         with np.errstate(invalid="ignore"):
             return (angle >= self._least) & (angle <= self._most)
 

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from cubicfish.errors import CubicfishError
+from cubicfish import CubicfishError
 from cubicfish_cli.words.sentences import render_error
 
 

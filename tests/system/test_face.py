@@ -16,11 +16,13 @@ PACKAGES = ("cubicfish", *sorted(
     f"cubicfish.{path.parent.name}" for path in (ROOT / "cubicfish").glob("*/__init__.py")
 ))  # fmt: skip
 
-MOST_NAMES = 120
-MOST_INTERNAL = 127  # never more than this: lower it with every name that is no longer taken
+MOST_NAMES = 135  # at the end 120
+MOST_INTERNAL = 61  # never more than this: lower it with every name that is no longer taken
 # Full name -> why it is taken all the same; at most ten.
 EXCEPTIONS: dict[str, str] = {
     "cubicfish.find.detection.finder": "benchmarks/detection.py counts the patches that it grows",
+    "cubicfish.lazy.lazy_names": "the program's own names are loaded in the same way",
+    "cubicfish.models.lift.lift": "benchmarks/paper.py repeats the paper's sums, monomials and all",
 }
 
 

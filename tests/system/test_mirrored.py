@@ -21,7 +21,7 @@ from cubicfish.find.identification.name_grids import name_grids
 from cubicfish.fit.radial_reference import fit_radial
 from cubicfish.observe.detection import first_pass
 from cubicfish.photos import find_photos
-from cubicfish.solve.statistics import rms_px
+from cubicfish.solve import rms_px
 from cubicfish.target.boards.shape import BoardShape
 from cubicfish.workers import Work
 from cubicfish_cli.render.board_faces import board_face

@@ -15,8 +15,7 @@ from asymmetric_lens import AsymmetricLens
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from cubicfish import Calibration, Target, load_camera
-from cubicfish.comparison import aligned_difference
+from cubicfish import Calibration, Target, aligned_difference, load_camera
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.evaluate import evaluate
 from cubicfish.io.camera_yaml import camera_text

@@ -128,6 +128,11 @@ class Board(ABC):
         return np.stack([column, row], axis=-1) * self.square
 
     @property
+    def family(self) -> str:
+        """The family of its markers, as target.yaml calls it for such boards; empty without any."""
+        return "" if self.markers is None else self.markers.dictionary
+
+    @property
     def rim(self) -> float:
         """How far the print reaches beyond the outermost corners, in the target's units."""
         return self.square if self.has_squares else 0.0

@@ -5,10 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish import CubicCamera, Finding, Observations, Target
-from cubicfish.io.camera_yaml import Calibrated
-from cubicfish.judge import FieldUncertainty
-from cubicfish.judge.codes import Code
+from cubicfish import Calibration, CameraFile, CubicCamera, Finding, Observations, Target
+from cubicfish.judge import Code, FieldUncertainty
 from cubicfish.solve import Poses
 from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge
 from cubicfish.threads import one_blas_thread
@@ -86,7 +84,7 @@ class Advice:
 
 @one_blas_thread()
 def advise(
-    known: Calibrated,
+    known: Calibration | CameraFile,
     pairs: Observations,
     target: Target | None,
     *,

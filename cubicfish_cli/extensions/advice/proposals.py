@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from cubicfish import BoolArray, FloatArray
+from cubicfish import FloatArray
 from cubicfish.judge import FieldUncertainty
 from cubicfish.models import angle_from_axis
 from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge, side_of
@@ -102,7 +103,7 @@ def proposed(
     return tuple(chosen[:proposals]), needed
 
 
-def _find_filled(view: Viewpoint, gaps: CoverageGaps) -> BoolArray:
+def _find_filled(view: Viewpoint, gaps: CoverageGaps) -> npt.NDArray[np.bool_]:
     """Return which squares of the picture (rows, columns) a view puts corners into."""
     cells = gaps.cells
     column, row = np.floor(view.pixel / cells.cell).astype(int).T

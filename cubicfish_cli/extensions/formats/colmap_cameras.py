@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from cubicfish import CameraFileError, FloatArray, did_you_mean, quoted
 from cubicfish.files import read_bytes, read_text
-from cubicfish.models import FocalLens, Lens, RadialCamera, angle_from_axis, decentring
+from cubicfish.models import FocalLens, Lens, RadialCamera, angle_from_axis
 from cubicfish_cli.extensions.formats.lenses import PinholeLens, named_lens, named_numbers
 from cubicfish_cli.foreign.file_contents import (
     LensRig,
@@ -83,7 +83,7 @@ class RadTanThinPrismLens(FocalLens):
         a, b = (uv * (1 + powers @ self.k)[:, None]).T
         (t1, t2), (s1, s2, s3, s4) = self.t, self.s
         square = a * a + b * b
-        more_a, more_b = decentring(a, b, t2, t1)
+        more_a, more_b = self.decentring(a, b, t2, t1)
         u = a + more_a + square * (s1 + square * s2)
         v = b + more_b + square * (s3 + square * s4)
         return np.stack([self.fx * u + self.cx, self.fy * v + self.cy], axis=-1)

@@ -15,7 +15,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from cubicfish import CameraFileError, FloatArray
-from cubicfish.models import FocalLens, Lens, RadialCamera, decentring
+from cubicfish.models import FocalLens, Lens, RadialCamera
 
 PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "τx", "τy")
 """OpenCV's order of a pinhole lens's distortion."""
@@ -103,7 +103,7 @@ class PinholeLens(FocalLens):
             x, y = (points[:, :2] / points[:, 2:]).T
             r2 = x * x + y * y
             radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
-            more_x, more_y = decentring(x, y, p1, p2)
+            more_x, more_y = self.decentring(x, y, p1, p2)
             bent = np.stack(
                 [
                     x * radial + more_x + r2 * (s1 + r2 * s2),
@@ -168,7 +168,7 @@ class UnifiedLens(FocalLens):
             x, y = (points[:, :2] / np.where(bottom > 0, bottom, np.nan)[:, None]).T
             r2 = x * x + y * y
             radial = 1 + r2 * (k1 + r2 * k2)
-            more_x, more_y = decentring(x, y, p1, p2)
+            more_x, more_y = self.decentring(x, y, p1, p2)
             x, y = x * radial + more_x, y * radial + more_y
             pixel = np.stack([self.fx * x + self.skew * y + self.cx, self.fy * y + self.cy], -1)
         return np.where(np.isfinite(pixel), pixel, np.inf)

@@ -15,9 +15,10 @@ from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
+import numpy.typing as npt
 from scipy import linalg, sparse
 
-from cubicfish import CubicCamera, FloatArray, IntArray
+from cubicfish import CubicCamera, FloatArray
 from cubicfish.models import FocalLens, RadialCamera, angle_from_axis, cone_rays
 
 _ORDER = 3
@@ -146,7 +147,7 @@ def _compute_edges(nx: int, ny: int, order: int, fov_x_deg: float) -> tuple[floa
 
 def _compute_weights(
     u: FloatArray, nx: int, ny: int, order: int, fov_x_deg: float
-) -> tuple[IntArray, FloatArray]:
+) -> tuple[npt.NDArray[np.intp], FloatArray]:
     """Return the control points that count at u: their first column and row (N, 2), and weights.
 
     The weights (N, 2, order + 1) along x and along y are those of uniform B-splines.

@@ -28,18 +28,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from cubicfish import (
-    BoolArray,
-    CorrespondenceError,
-    FloatArray,
-    IntArray,
-    Observations,
-    Target,
-    quoted,
-)
-from cubicfish.files import csv_text, read_text
-from cubicfish.files.tables import Table, parse_table
+from cubicfish import CorrespondenceError, FloatArray, Observations, Target, quoted
+from cubicfish.files import Table, read_text
 
 MAX_BYTES = 200_000_000
 MAX_LINES = 5_000_000
@@ -68,7 +60,17 @@ class ImportedCorners:
     file: Path | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish corners --json`` prints."""
+        """Return plain data: what ``cubicfish corners --json`` prints.
+
+        Keys:
+            file: the table of corners
+            image_size: [width, height]
+            images: how many photos have corners
+            corners: how many corners were taken over
+            left_out: how many the files say were not found
+            empty_images: photos without corners
+
+        """
         return {
             "file": self.file,
             "image_size": self.corners.image_size,
@@ -198,8 +200,8 @@ def _read_table(path: Path) -> Table:
         )
     names = lines[legend].replace("#", " ", 1).split()
     rows = ["" if line.lstrip()[:1] in ("", "#") else _convert_to_csv(line) for line in lines]
-    rows[legend] = csv_text([names]).rstrip("\n")
-    table = parse_table(
+    rows[legend] = Table.text([names]).rstrip("\n")
+    table = Table.parse(
         str(path),
         "\n".join(rows),
         required=_COLUMNS,
@@ -218,7 +220,7 @@ def _convert_to_csv(line: str) -> str:
     return ",".join('"' + cell.replace('"', '""') + '"' for cell in cells)
 
 
-def _refuse_scattered(table: Table, image: IntArray) -> None:
+def _refuse_scattered(table: Table, image: npt.NDArray[np.intp]) -> None:
     """Refuse a photo whose rows do not stand together: its corners are numbered by their order."""
     back = np.flatnonzero(np.diff(image) < 0)
     if back.size:
@@ -230,7 +232,7 @@ def _refuse_scattered(table: Table, image: IntArray) -> None:
         )
 
 
-def _find_corners(table: Table) -> BoolArray:
+def _find_corners(table: Table) -> npt.NDArray[np.bool_]:
     """Return which rows are corners, as in mrcal: no dash, no coordinate or level below 0."""
     cells = [table.columns[name] for name in table.columns if name != "filename"]
     return np.array([not any(map(_ABSENT, row)) for row in zip(*cells, strict=True)], bool)

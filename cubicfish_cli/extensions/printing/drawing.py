@@ -18,7 +18,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Affine2D
 
 from cubicfish import FloatArray
-from cubicfish.target import AprilGrid, Board
+from cubicfish.target import Board
 from cubicfish_cli import __version__
 from cubicfish_cli.extensions.printing.layout import STRIP, Cut, Page, Side
 from cubicfish_cli.render.board_faces import board_face
@@ -142,7 +142,7 @@ def _fit(text: Text, size: float, room: float) -> None:
 
 def _write_words(board: Board, number: str) -> tuple[str, str, str]:
     """Return the three lines of text of the strip."""
-    if isinstance(board, AprilGrid):
+    if board.kind == "aprilgrid":
         columns, rows, origin = board.columns // 2, board.rows // 2, "top left corner of its tag"
         what = f"{columns} x {rows} tags of {board.square:g} mm, spacing {board.spacing:g}"
     else:
@@ -150,8 +150,7 @@ def _write_words(board: Board, number: str) -> tuple[str, str, str]:
         what = f"{board.columns} x {board.rows} inner corners, squares {board.square:g} mm"
     if board.markers is not None:
         first, last = board.markers.first, board.markers.first + board.markers.count - 1
-        family = board.family if isinstance(board, AprilGrid) else board.markers.dictionary
-        what += f", markers {board.markers.side:g} mm, {family}, ids {first} to {last}"
+        what += f", markers {board.markers.side:g} mm, {board.family}, ids {first} to {last}"
     return (
         f"{board.name}: {board.kind}, {what}",
         f"corner (0, 0), at the top left, is the {origin}",

@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,7 +19,6 @@ from cubicfish import (
     build_view,
     undistort,
 )
-from cubicfish.photos import Picture
 from cubicfish.photos.photos import (
     data_uri,
     decode_picture,
@@ -119,7 +119,7 @@ def all_pictures(facts: Facts, zoom: float) -> Pictures:
     )
 
 
-def _read(facts: Facts, photo: PhotoRecord, *, whole: bool) -> Picture:
+def _read(facts: Facts, photo: PhotoRecord, *, whole: bool) -> npt.NDArray[Any]:
     """Read a photo of a fit; if not whole, large enough for its copies.
 
     Raises:
@@ -161,7 +161,7 @@ def _draw_found(facts: Facts, photo: PhotoRecord, copy: Small, zoom: float) -> S
     return drawn
 
 
-def _make_example(facts: Facts, photo: PhotoRecord, picture: Picture) -> Example | None:
+def _make_example(facts: Facts, photo: PhotoRecord, picture: npt.NDArray[Any]) -> Example | None:
     if not isinstance(facts.camera, CubicCamera):
         return None
     try:

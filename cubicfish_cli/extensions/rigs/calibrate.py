@@ -35,9 +35,8 @@ from cubicfish_cli.terminal.terminal import apart, print_message, print_removed,
 from cubicfish_cli.words.sentences import render
 
 if TYPE_CHECKING:
-    from cubicfish import Rig, Target
+    from cubicfish import Calibration, CameraFile, Rig, Target
     from cubicfish.fit import RefineTarget
-    from cubicfish.io.camera_yaml import Calibrated
     from cubicfish.rigs import CornerMotion
     from cubicfish_cli.extensions.rigs.films import ShotFrame
     from cubicfish_cli.observe import Inputs
@@ -85,7 +84,7 @@ class RigOptions:
     names: str | None = option(
         "--names NAME,NAME...", "Names of the cameras. [default: those of their folders or files]"
     )
-    lenses: Mapping[str, Calibrated | StrPath] | Sequence[Path] = option(
+    lenses: Mapping[str, Calibration | CameraFile | StrPath] | Sequence[Path] = option(
         "--lens NAME=FILE",
         "A camera that is calibrated already: its name and its file or folder. Its lens stays as "
         "it is. Once for each such camera.",
@@ -136,7 +135,21 @@ class RigFiles:
     removed: list[Path]
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish rig calibrate --json`` prints."""
+        """Plain data: what ``cubicfish rig calibrate --json`` prints.
+
+        Keys:
+            units: of lengths: the target's; null for pairs that came without one
+            cameras: a record per camera: name, camera (its file), camera_from_rig, position,
+                covariance, turn_sigma_deg, shift_sigma, fit (its errors in pixels)
+            pairs: a record for every two cameras: cameras, shots (in common), rms_px
+            fit: of all: errors in pixels, held_out_rms_px, shots, refine_target, held_lenses,
+                findings (with the keys of everything that is told, cameras, shots and line),
+                per_shot
+            model: the rig's file
+            verdict: level (good, care or bad), words, figures, and reasons, a record each, with
+                why: what and evidence in one
+
+        """
         from cubicfish_cli.words.camera import verdict_record
 
         return {
@@ -187,7 +200,7 @@ class _RigPlan:
 
     options: RigOptions
     cameras: Mapping[str, Path]
-    lenses: Mapping[str, Calibrated | Path]
+    lenses: Mapping[str, Calibration | CameraFile | Path]
     target: TargetSource
     are_films: bool
     folder: Path
@@ -286,7 +299,7 @@ class _Seen:
     """
 
     inputs: Mapping[str, Inputs]
-    lenses: Mapping[str, Calibrated]
+    lenses: Mapping[str, Calibration | CameraFile]
     matching: Mapping[str, Any]
     frames: Sequence[ShotFrame]
     motion: Mapping[str, CornerMotion]
@@ -299,7 +312,7 @@ def _observe(plan: _RigPlan, run: Run) -> _Seen:
     from cubicfish_cli.films.scan import room_for_frames
 
     options, matching = plan.options, _read_matching(plan)
-    lenses: dict[str, Calibrated] = {
+    lenses: dict[str, Calibration | CameraFile] = {
         name: load_camera(one) if isinstance(one, Path) else one
         for name, one in plan.lenses.items()
     }
@@ -367,11 +380,11 @@ def _fit(plan: _RigPlan, seen: _Seen, run: Run) -> Rig:
 
 def _make_contents(plan: _RigPlan, rig: Rig, seen: _Seen, run: Run) -> dict[str, Content | None]:
     """What files hold, by their names in the folder; rig.yaml, which is first, is written last."""
-    from cubicfish.io.corners_csv import corners_text
+    from cubicfish_cli.stages import corners_content
 
     contents: dict[str, Content | None] = {**rig.texts()}
     for name, own in seen.inputs.items():
-        contents[f"{name}/{CALIBRATION_FILES['corners']}"] = corners_text(own.pairs)
+        contents[f"{name}/{CALIBRATION_FILES['corners']}"] = corners_content(own.pairs)
     if plan.with_page:
         contents[PAGE] = page(Place("rigs", f"{__package__}.page:rig_html"), rig, run=run)
     return contents

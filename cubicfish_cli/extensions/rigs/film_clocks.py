@@ -8,8 +8,9 @@ rhythm is alike again one beat later. The fit does the rest (``rigs/times.py``).
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
-from cubicfish import BoolArray, FloatArray, IntArray
+from cubicfish import FloatArray
 
 # Two films must share so long a time, in frames and as a share of the shorter one.
 _LEAST_COMMON, _LEAST_SHARE = 40, 0.4
@@ -89,7 +90,9 @@ def _measure_liveliness(film: FilmMotion, step: float) -> FloatArray:
     return np.asarray(np.interp(even, film.time, np.log(np.maximum(film.moved, _NO_MOTION))))
 
 
-def _correlate(one: FloatArray, other: FloatArray, lags: IntArray) -> tuple[FloatArray, FloatArray]:
+def _correlate(
+    one: FloatArray, other: FloatArray, lags: npt.NDArray[np.intp]
+) -> tuple[FloatArray, FloatArray]:
     """Correlation at each lag, and how many of the common steps are free of the others."""
     found, free = np.zeros(len(lags)), np.zeros(len(lags))
     memory = _measure_memory(one, other)
@@ -114,7 +117,7 @@ def _measure_memory(one: FloatArray, other: FloatArray) -> float:
     return 1 + 2 * max(float(both.sum()), 0.0)
 
 
-def _with_itself(signal: FloatArray, later: IntArray) -> FloatArray:
+def _with_itself(signal: FloatArray, later: npt.NDArray[np.intp]) -> FloatArray:
     """(L,) correlation of a signal with itself so many steps later."""
     centred = signal - signal.mean()
     power = float(centred @ centred)
@@ -123,7 +126,7 @@ def _with_itself(signal: FloatArray, later: IntArray) -> FloatArray:
     return np.array([centred[lag:] @ centred[:-lag] for lag in later.tolist()]) / power
 
 
-def _same_match(likeness: FloatArray, best: int) -> BoolArray:
+def _same_match(likeness: FloatArray, best: int) -> npt.NDArray[np.bool_]:
     """(L,) the best lag and those about it, as far as they are alike because it is."""
     less = np.flatnonzero(likeness < _SAME_MATCH * likeness[best])
     lag = np.arange(len(likeness))

@@ -6,8 +6,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from cubicfish import (
     CubicfishError,
@@ -19,9 +21,9 @@ from cubicfish import (
     Run,
     Target,
 )
-from cubicfish.files import Content, FrameName, csv_text, write_files
+from cubicfish.files import Content, FrameName, Table, write_files
 from cubicfish.observe import find_corners
-from cubicfish.photos import Photo, read_grey
+from cubicfish.photos import Photo
 from cubicfish.rigs import CornerMotion
 from cubicfish_cli.extensions.rigs.film_clocks import FilmMotion, match_films
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out
@@ -67,13 +69,17 @@ def measure_motion(
     for number, image in enumerate(pairs.images):
         progress(number, len(pairs.images))
         frame, pixel = frame_of[Path(image).name], pairs.pixel[pairs.image == number]
-        picture = read_grey(frame.picture)
+        picture = _grey_of(frame.picture)
         ways = [
-            None if one is None else flow(picture, read_grey(one), pixel) for one in frame.beside
+            None if one is None else flow(picture, _grey_of(one), pixel) for one in frame.beside
         ]
         moving = CornerMotion.between(ways[0], ways[1], frame.seconds)
         parts.append(replace(moving, late=np.full(len(pixel), frame.late)))
     return CornerMotion.joined(parts)
+
+
+def _grey_of(path: Path) -> npt.NDArray[Any]:
+    return Photo(name=path.name, path=path).read_grey()
 
 
 @contextmanager
@@ -248,7 +254,7 @@ def _write(
     plan.writes(*sources, within=folder)
     table = folder / "shots.csv"
     rows = [(one.shot, one.camera, one.picture.name) for one in frames]
-    files: dict[Path, Content] = {table: csv_text([("shot", "camera", "image"), *rows])}
+    files: dict[Path, Content] = {table: Table.text([("shot", "camera", "image"), *rows])}
     files |= {path: partial(shutil.copyfile, source) for path, source in sources.items()}
     write_files(files, overwrite=overwrite, folder=folder)
     return frames

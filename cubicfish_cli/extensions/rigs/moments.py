@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import FloatArray, IntArray
+from cubicfish import FloatArray
 from cubicfish_cli.films.scan import Measured, quality, write_frame
 from cubicfish_cli.films.source import Film, frames, opened
 from cubicfish_cli.inputs.paths import is_recording
@@ -38,7 +38,7 @@ class Moments:
     """
 
     time: FloatArray
-    frame: IntArray
+    frame: npt.NDArray[np.intp]
     late: FloatArray
 
 

@@ -16,8 +16,8 @@ from cubicfish_cli.observe import films_among
 from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
+    from cubicfish import Calibration, CameraFile
     from cubicfish.files import StrPath
-    from cubicfish.io.camera_yaml import Calibrated
 
 
 def named_cameras(
@@ -56,8 +56,8 @@ def named_cameras(
 
 
 def named_lenses(
-    lenses: Mapping[str, Calibrated | StrPath] | Sequence[Path], called: Iterable[str]
-) -> dict[str, Calibrated | Path]:
+    lenses: Mapping[str, Calibration | CameraFile | StrPath] | Sequence[Path], called: Iterable[str]
+) -> dict[str, Calibration | CameraFile | Path]:
     """Cameras that are calibrated already, or their files, by name.
 
     Raises:

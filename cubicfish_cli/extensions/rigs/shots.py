@@ -5,8 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy.typing as npt
+
 from cubicfish import Listener, UndistortMap
-from cubicfish.photos import Picture
 from cubicfish.photos.photos import natural_key, photo_size
 from cubicfish.rigs import Body, match_shots
 from cubicfish.views import ChosenView, Interpolation
@@ -46,7 +47,9 @@ class RigViews(Views):
         """For what its view and its valid pixels tell: it maps nothing."""
         return {"": self._make_panorama().whole_map}
 
-    def __call__(self, job: Job, photos: Mapping[str, Picture]) -> dict[str, Picture]:
+    def __call__(
+        self, job: Job, photos: Mapping[str, npt.NDArray[Any]]
+    ) -> dict[str, npt.NDArray[Any]]:
         """The picture of a shot."""
         return {"": self._make_panorama().render(photos, self.interpolation)[0]}
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cubicfish import CorrespondenceError, quoted
-from cubicfish.files.tables import read_table
+from cubicfish.files import Table
 
 
 def load_shots(path: Path) -> list[tuple[str, str, str]]:
@@ -18,7 +18,7 @@ def load_shots(path: Path) -> list[tuple[str, str, str]]:
 
     """
     names = ("shot", "camera", "image")
-    columns = read_table(path, required=names, optional=(), error=CorrespondenceError).columns
+    columns = Table.read(path, required=names, optional=(), error=CorrespondenceError).columns
     return list(zip(*(columns[name] for name in names), strict=True))
 
 
@@ -30,7 +30,7 @@ def load_times(path: Path, cameras: Sequence[str]) -> dict[str, dict[str, float]
 
     """
     names = ("camera", "image", "seconds")
-    table = read_table(path, required=names, optional=(), error=CorrespondenceError)
+    table = Table.read(path, required=names, optional=(), error=CorrespondenceError)
     rows = zip(table.columns["camera"], table.columns["image"], strict=True)
     times: dict[str, dict[str, float]] = {}
     for (camera, image), time in zip(rows, table.floats("seconds").tolist(), strict=True):

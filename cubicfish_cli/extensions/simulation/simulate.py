@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import CorrespondenceError, FloatArray, IntArray, Target, TargetError, quoted
+from cubicfish import CorrespondenceError, FloatArray, Target, TargetError, quoted
 from cubicfish.models import angle_from_axis
 from cubicfish_cli.viewpoints.truth import Pose, load_poses, nearest, plates, rotation_matrix
 from cubicfish_cli.viewpoints.views import WanderingPupil, WholeLens, choose_views, sample_views
@@ -294,7 +294,7 @@ def render(
     lamp = np.asarray(light_from, float)
     world_from_camera = rotation_matrix(camera_from_world[0]).T
 
-    def light_of(pixel: FloatArray) -> tuple[FloatArray, IntArray]:
+    def light_of(pixel: FloatArray) -> tuple[FloatArray, npt.NDArray[np.intp]]:
         """Light of pixels (N, 2), and a number for what each shows."""
         rays = lens_unproject(pixel)
         inside = ~np.isnan(rays).any(axis=1)
@@ -329,8 +329,8 @@ def render(
 
 def _smooth_edges(
     photo: FloatArray,
-    shown: IntArray,
-    light_of: Callable[[FloatArray], tuple[FloatArray, IntArray]],
+    shown: npt.NDArray[np.intp],
+    light_of: Callable[[FloatArray], tuple[FloatArray, npt.NDArray[np.intp]]],
     supersample: int,
 ) -> None:
     """Sub-sample, in place, the pixels that have a neighbour which shows something else."""

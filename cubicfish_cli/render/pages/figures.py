@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from cubicfish import FloatArray, IntArray
+from cubicfish import FloatArray
 from cubicfish_cli.render.pages.plot import Plot, Space, document
 
 BLUE, ORANGE, GREEN, PURPLE, RED = "#0072b2", "#d98200", "#00805d", "#b5609b", "#c84e00"
@@ -55,7 +56,7 @@ def finished(*plots: Plot, **more: Any) -> Drawn:
     return Drawn(image=document(plots), **more)
 
 
-def some(count: int, most: int) -> IntArray:
+def some(count: int, most: int) -> npt.NDArray[np.intp]:
     """At most ``most`` of so many indices, evenly from first to last."""
     if count <= most:
         return np.arange(count)

@@ -17,7 +17,6 @@ from cubicfish.errors import CorrespondenceError, OutputError
 from cubicfish.io.corners_csv import (
     load_corners,
     load_correspondences,
-    parse_size,
     save_corners,
 )
 from cubicfish.target.observations import Observations
@@ -254,17 +253,6 @@ def test_files_are_not_replaced_unasked(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="overwrite=True"):
         save_corners(path, found, overwrite=False)
     save_corners(path, found, overwrite=True)
-
-
-@pytest.mark.parametrize("text", ["1280x800", " 1280 X 800 ", "1280×800"])
-def test_sizes_are_read(text: str) -> None:
-    assert parse_size(text) == SIZE
-
-
-@pytest.mark.parametrize("text", ["", "1280", "0x800", "1280x800x3", "1e3x800", "-1x5", "٣x٣"])
-def test_sizes_that_are_not_are_refused(text: str) -> None:
-    with pytest.raises(CorrespondenceError, match="is not an image size: write WIDTHxHEIGHT"):
-        parse_size(text)
 
 
 @pytest.mark.slow

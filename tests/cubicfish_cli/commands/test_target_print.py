@@ -12,8 +12,7 @@ from looking import look_at
 from running import SAMPLE, Run
 from synthetic import IMAGE_SIZE, TRUE_LENS, rays_in_cone
 
-from cubicfish import Target, load_camera
-from cubicfish.comparison import aligned_difference
+from cubicfish import Target, aligned_difference, load_camera
 from cubicfish.find import find_grids
 from cubicfish.target import Board
 from cubicfish_cli.extensions.printing.command import PrintOptions

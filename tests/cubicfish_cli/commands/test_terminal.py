@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import click
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,9 +17,10 @@ from lenses import cubic_camera
 from running import SAMPLE, Run
 from terminals import Screen, on_terminal, unstyled, visible, widest
 
-from cubicfish.judge import CameraFacts, FitRecord, PhotoRecord
-from cubicfish.judge.fit_record import DroppedCorner, ErrorStatistics
+from cubicfish.judge import CameraFacts, ErrorStatistics, FitRecord, PhotoRecord
+from cubicfish.judge.fit_record import DroppedCorner
 from cubicfish_cli.terminal.figures import PhotoRow, fitted_rows, print_photo_table
+from cubicfish_cli.terminal.parameters import SIZE
 from cubicfish_cli.terminal.terminal import (
     print_json,
     print_table,
@@ -323,3 +325,14 @@ def test_force_color_paints_a_pipe(
     assert "\x1b[32mgood" in run(*args).stdout
     monkeypatch.setenv("NO_COLOR", "1")
     assert "\x1b" not in run(*args).stdout
+
+
+@pytest.mark.parametrize("text", ["1280x800", " 1280 X 800 ", "1280×800"])
+def test_sizes_are_read(text: str) -> None:
+    assert SIZE.convert(text, None, None) == (1280, 800)
+
+
+@pytest.mark.parametrize("text", ["", "1280", "0x800", "1280x800x3", "1e3x800", "-1x5", "٣x٣"])
+def test_sizes_that_are_not_are_refused(text: str) -> None:
+    with pytest.raises(click.UsageError, match="is not an image size: write WIDTHxHEIGHT"):
+        SIZE.convert(text, None, None)

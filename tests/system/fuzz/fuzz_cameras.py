@@ -7,8 +7,8 @@ from functools import cache
 from pathlib import Path
 
 from cubicfish import Calibration, CubicCamera, Target, load_corners
+from cubicfish.fit import calibrate_points
 from cubicfish.fit.calibrate import calibrate
-from cubicfish.fit.point_fit import calibrate_points
 from cubicfish.io.camera_yaml import camera_text
 
 SAMPLE = Path(__file__).parents[3] / "sample_data"

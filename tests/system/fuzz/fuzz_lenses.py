@@ -12,7 +12,7 @@ import numpy as np
 from fuzz_cameras import camera
 from fuzz_foreign import RAYS
 
-from cubicfish.fit.exported_lens import to_lens
+from cubicfish.fit import to_lens
 from cubicfish_cli.extension_guard import read_formats
 from cubicfish_cli.extensions.formats.colmap_cameras import MODELS as COLMAP_MODELS
 from cubicfish_cli.foreign.file_contents import PlacedLens

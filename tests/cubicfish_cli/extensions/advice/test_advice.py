@@ -17,20 +17,17 @@ from synthetic import (
     synthetic_correspondences,
 )
 
-from cubicfish import Target
-from cubicfish.comparison import aligned_difference
+from cubicfish import Target, aligned_difference
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.uncertainty import field_grid
-from cubicfish.judge import FitRecord
+from cubicfish.judge import ErrorStatistics, FieldUncertainty, FitRecord
 from cubicfish.judge.codes import Code
-from cubicfish.judge.fit_record import ErrorStatistics
-from cubicfish.judge.uncertainty import FieldUncertainty, UncertaintyGrid, summed
+from cubicfish.judge.uncertainty import UncertaintyGrid, summed
 from cubicfish.judge.verdict import COVERAGE, verdict
 from cubicfish.models import angle_from_axis
-from cubicfish.solve.poses import Poses
+from cubicfish.solve import Poses
 from cubicfish.solve.subset import select
-from cubicfish.sufficiency.knowledge import Knowledge
-from cubicfish.sufficiency.sufficiency import CoverageGaps, Goal, side_of
+from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge, side_of
 from cubicfish_cli.extensions.advice.advise import advise, distances_within
 from cubicfish_cli.extensions.advice.limited_lens import limited_lens
 from cubicfish_cli.extensions.advice.proposals import place_words, tilt_words

@@ -10,7 +10,8 @@ from synthetic import flat_board, lens_of_size, poses_around
 from cubicfish import FitError
 from cubicfish.models.radial import project_jacobian
 from cubicfish.solve.poses import cross_matrix
-from cubicfish.sufficiency.information_gain import InformationGain, _compute_information
+from cubicfish.sufficiency import InformationGain
+from cubicfish.sufficiency.information_gain import _compute_information
 
 LENS = lens_of_size(1.0)
 

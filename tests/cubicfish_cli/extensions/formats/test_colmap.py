@@ -9,8 +9,7 @@ import pytest
 from lenses import cubic_camera, radial_camera
 
 from cubicfish import CameraFileError
-from cubicfish.fit.exported_lens import to_lens
-from cubicfish.fit.imported_lens import from_lens
+from cubicfish.fit import from_lens, to_lens
 from cubicfish.models import RadialCamera
 from cubicfish_cli.extensions.formats.colmap_cameras import (
     MODELS,

@@ -9,7 +9,8 @@ from lenses import cubic_camera, radial_camera, random_rays
 from cubicfish.angles import unit_rays
 from cubicfish.fit.exported_lens import lens_near
 from cubicfish.models import angle_from_axis
-from cubicfish.solve.fit_lens import FreeLens, nearest_lens
+from cubicfish.solve import nearest_lens
+from cubicfish.solve.fit_lens import FreeLens
 from cubicfish_cli.extensions.formats.colmap_cameras import RadTanThinPrismLens
 from cubicfish_cli.extensions.formats.lenses import DoubleSphereLens, PinholeLens, UnifiedLens
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens

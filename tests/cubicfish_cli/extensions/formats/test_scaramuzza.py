@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from lenses import cubic_camera
 
-from cubicfish.fit.exported_lens import to_lens
+from cubicfish.fit import to_lens
 from cubicfish.models import cone_rays
 from cubicfish_cli import CubicCamera
 from cubicfish_cli.extensions.formats import ocamcalib

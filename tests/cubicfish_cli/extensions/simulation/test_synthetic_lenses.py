@@ -6,7 +6,7 @@ from lenses import random_rays
 from scipy.optimize import least_squares
 from synthetic_lenses import SYNTHETIC_LENSES, MirrorProfile, RaysAtDistance, synthetic_lens
 
-from cubicfish.comparison import aligned_difference
+from cubicfish import aligned_difference
 from cubicfish.fit.asymmetric import BentFit
 from cubicfish.models import cone_rays
 
