@@ -26,6 +26,7 @@ from cubicfish.wording import did_you_mean, listed, quoted
 _MOST_LISTED = 200  # of a long list, as many are looked at
 _UNIONS = (Union, types.UnionType)
 _WAYS = {
+    "Camera": "load_camera(path).camera is one",
     "CameraFile": "load_camera reads one",
     "Calibrated": "calibrate makes one, load_camera reads one",
     "Calibration": "calibrate makes one",
@@ -94,7 +95,10 @@ def _misfits(name: str, value: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]
     if kind in (Any, object, inspect.Parameter.empty) or isinstance(kind, TypeVar | ForwardRef):
         return
     origin, inner = get_origin(kind) or kind, get_args(kind)
-    if origin in _UNIONS and not _is_array(kind):
+    if _is_array(kind) or _is_array(origin):
+        if value is None or isinstance(value, str | bytes | Mapping | os.PathLike):
+            yield name, value, kind
+    elif origin in _UNIONS:
         ways = [[*_misfits(name, value, one)] for one in inner]
         if all(ways):
             # What is of the right sort, and has something wrong inside, says more.
@@ -102,31 +106,36 @@ def _misfits(name: str, value: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]
             yield from deeper[0] if len(deeper) == 1 else [(name, value, kind)] * (not deeper)
     elif not _is_of(value, origin, inner):
         yield name, value, kind
-    elif isinstance(value, Mapping) and len(inner) == 2:
-        for key, one in [*value.items()][:_MOST_LISTED]:
-            yield from _misfits(f"a key of {name}", key, inner[0])
-            yield from _misfits(f"{name}[{quoted(key)}]", one, inner[1])
-    elif hasattr(value, "tolist") and inner and not _is_array(kind):
-        yield from _misfits(name, value.tolist(), kind)
-    elif isinstance(value, list | tuple) and origin is not Literal and inner:
-        is_pair = origin is tuple and Ellipsis not in inner
-        if is_pair and len(value) != len(inner):
-            yield name, value, kind
-            return
-        each = inner if is_pair else inner[:1] * min(len(value), _MOST_LISTED)
-        for index, (one, must) in enumerate(zip(value, each, strict=False)):
-            yield from _misfits(f"{name}[{index}]", one, must)
     elif getattr(value, "checked_fields", False):
         record: Any = type(value)
         for field, must in _hints(record).items():
             if hasattr(value, field):
                 yield from _misfits(f"{name}.{field}", getattr(value, field), must)
+    elif inner and origin is not Literal:
+        yield from _misfits_inside(name, value, kind)
+
+
+def _misfits_inside(name: str, value: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]:
+    """What a mapping or a list holds that does not fit."""
+    origin, inner = get_origin(kind), get_args(kind)
+    if isinstance(value, Mapping) and len(inner) == 2:
+        for key, one in [*value.items()][:_MOST_LISTED]:
+            yield from _misfits(f"a key of {name}", key, inner[0])
+            yield from _misfits(f"{name}[{quoted(key)}]", one, inner[1])
+    elif hasattr(value, "tolist"):
+        yield from _misfits(name, value.tolist(), kind)
+    elif isinstance(value, list | tuple):
+        counted = origin is tuple and Ellipsis not in inner
+        if counted and len(value) != len(inner):
+            yield name, value, kind
+            return
+        each = inner if counted else inner[:1] * min(len(value), _MOST_LISTED)
+        for index, (one, must) in enumerate(zip(value, each, strict=False)):
+            yield from _misfits(f"{name}[{index}]", one, must)
 
 
 def _is_of(value: Any, origin: Any, inner: Sequence[Any]) -> bool:
     """Whether a value is of a kind, whatever it holds."""
-    if _is_array(origin):
-        return value is not None and not isinstance(value, str | bytes | Mapping | os.PathLike)
     if origin is Literal:
         return isinstance(value, str | int) and value in inner
     if origin in (None, types.NoneType):
@@ -242,10 +251,11 @@ def _describe(kind: Any) -> str:
     origin, inner = get_origin(kind) or kind, get_args(kind)
     if _is_array(origin) or _is_array(kind):
         return "an array"
-    if origin in _UNIONS:
-        return listed([*dict.fromkeys(map(_describe, inner))], word="or")
-    if origin is Literal:
-        return listed([quoted(one) for one in inner], word="or")
+    if origin in _UNIONS or origin is Literal:
+        words = [quoted(one) for one in _literals_in(kind)]
+        if origin is not Literal:
+            words += [_describe(one) for one in inner if get_origin(one) is not Literal]
+        return listed([*dict.fromkeys(words)], word="or")
     if origin in _PLAIN:
         return _PLAIN[origin]
     if not isinstance(origin, type):
@@ -266,6 +276,8 @@ def _name_value(value: object) -> str:
         return str(value)
     if isinstance(value, str | os.PathLike):
         return quoted(str(value))
+    if hasattr(value, "__array__"):
+        return "an array"
     if isinstance(value, list | tuple | Mapping) and len(value) == 0:
         return f"an empty {type(value).__name__}"
     return _with_article(type(value).__name__)

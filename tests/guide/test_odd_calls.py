@@ -28,7 +28,8 @@ ODD: Mapping[str, Any] = {
     "infinity": float("inf"), "True": True, "False": False,
     "no list": [], "no mapping": {}, "no tuple": (), "list of None": [None], "list of text": ["a"],
     "list of -1": [-1, -1], "list of NaN": [float("nan")] * 3, "list of no list": [[]],
-    "mapping to None": {"a": None}, "mapping of None": {None: 1}, "mapping of lists": {"a": []},
+    "mapping to None": {"a": None}, "mapping to an object": {"a": object()},
+    "mapping of None": {None: 1}, "mapping of lists": {"a": []},
     "an object": object(), "a function": len, "a class": dict, "a set": {1}, "an error": OSError(),
     "no array": np.array([]), "square": np.zeros((2, 2)), "NaNs": np.full((3, 3), np.nan),
     "text in an array": np.array(["a"]), "objects": np.array([None]), "0-d": np.array(0.5),
@@ -85,7 +86,8 @@ OPTIONS: dict[str, Callable[[Known], dict[str, Any]]] = {
         "report": False,
     },
     "calibrate_rig_files": lambda k: {
-        "cameras": {"left": k["few"], "right": k["few"]}, "target": k["target"], "folder": k["out"], "refine_target": "off", "report": False,
+        "cameras": {"left": k["few"], "right": k["few"]}, "target": k["target"],
+        "folder": k["out"], "refine_target": "off", "report": False,
     },
     "check_target_files": lambda k: {"target": k["target_file"]},
     "choose_frames": lambda k: {"films": "none.mp4", "target": k["target"], "folder": k["out"]},
@@ -130,7 +132,7 @@ RUNS = ("detect_files", "info_files")
 """Functions that are asked for every odd way of working."""
 ARGUMENTS: dict[str, Callable[[Known], dict[str, Any]]] = {
     "aligned_difference": lambda k: {
-        "first": k["camera"], "second": k["camera"], "rays": k["view"].rays([[3, 3], [4, 5], [8, 8]])
+        "first": k["camera"], "second": k["camera"], "rays": k["view"].rays([[3, 3], [8, 8]])
     },
     "build_map": lambda k: {"camera": k["camera"], "view": k["view"]},
     "build_plane": lambda k: {
