@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -61,13 +61,6 @@ _WORSE_PHOTO = 3.0
 _FEW_CORNERS_IN_PHOTO = 20
 
 
-LEVELS: Mapping[Level, str] = {
-    "good": "good",
-    "care": "usable with care",
-    "bad": "not to be trusted",
-}
-
-
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
     """The verdict on a fit.
@@ -80,6 +73,13 @@ class Verdict:
 
     """
 
+    WORDS: ClassVar[Mapping[Level, str]] = {
+        "good": "good",
+        "care": "usable with care",
+        "bad": "not to be trusted",
+    }
+    """What is said of each level."""
+
     level: Level
     figures: str = ""
     reasons: tuple[Finding, ...]
@@ -87,7 +87,7 @@ class Verdict:
     @property
     def words(self) -> str:
         """``good``, ``usable with care`` or ``not to be trusted``."""
-        return LEVELS[self.level]
+        return self.WORDS[self.level]
 
     def __str__(self) -> str:
         """The verdict in one line: the word, and the figures or the reasons."""

@@ -7,8 +7,7 @@ import numpy as np
 
 from cubicfish import CubicCamera, Finding, Observations, Target
 from cubicfish.io.camera_yaml import Calibrated
-from cubicfish.judge import FieldUncertainty
-from cubicfish.judge.codes import Code
+from cubicfish.judge import Code, FieldUncertainty
 from cubicfish.solve import Poses
 from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge
 from cubicfish.threads import one_blas_thread

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cubicfish import CubicCamera
+from cubicfish import CubicCamera, Verdict
 from cubicfish.judge import Origin, Severity
-from cubicfish.judge.verdict import LEVELS
 from cubicfish_cli.extensions.report.figures import all_figures, arrow_zoom
 from cubicfish_cli.extensions.report.pictures import MOST_CARDS, all_pictures
 from cubicfish_cli.extensions.report.scene import scene_figures
@@ -60,7 +59,7 @@ def report_html(facts: Facts) -> str:
         fit=facts.fit,
         in_words=in_words,
         verdict=facts.known.verdict,
-        words=LEVELS,
+        words=Verdict.WORDS,
         render=render,
         is_ray=isinstance(facts.camera, CubicCamera),
         figures=figures,

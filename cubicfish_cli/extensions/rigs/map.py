@@ -74,7 +74,21 @@ class PairMapFiles(MapFiles):
     stereo: Mapping[str, Any]
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish rig map --json`` prints."""
+        """Plain data: what ``cubicfish rig map --json`` prints.
+
+        Keys:
+            model: the rig's file
+            files: the maps' files
+            extra_files: OUT.stereo.yaml, and the virtual camera
+            image_size: [width, height] of the photos that the maps are for
+            view: what is shown: kind, size, words, parts (the six of a cube), hfov_deg and
+                vfov_deg where it has them, cut (whether the camera sees more than this kind can
+                show), and what else the kind has
+            stereo: what OUT.stereo.yaml holds: cameras, units, baseline, focal, depth and what
+                else it takes to measure
+            ffmpeg: for .pgm, a command a map that applies it
+
+        """
         return {**super().as_record(), "stereo": self.stereo}
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from equality import same_records
-from json_keys import keys_of
+from reference import keys_of
 from running import Run, run_cli
 from simulated import CornerErrors
 from simulated_rig import corner_target, simulated_rig
@@ -74,7 +74,7 @@ def made(folder: Path) -> tuple[Path, dict[str, Any]]:
 @pytest.mark.slow
 def test_it_says_in_json_what_it_writes(made: tuple[Path, dict[str, Any]]) -> None:
     rig, record = made
-    assert set(record) == set(keys_of("rig-calibrate"))
+    assert set(record) == set(keys_of("rig calibrate"))
     held = yaml.safe_load((rig / "rig.yaml").read_text())
     assert held["cubicfish_rig"] == 1
     assert held["cameras"] == record["cameras"]
@@ -120,7 +120,7 @@ def test_what_is_written_reads_back(made: tuple[Path, dict[str, Any]]) -> None:
 def test_info_knows_rigs(run: Run, made: tuple[Path, dict[str, Any]]) -> None:
     rig, record = made
     found = json.loads(run("rig", "info", rig / "rig.yaml", "--json").stdout)
-    assert set(found) <= set(keys_of("rig-info"))
+    assert set(found) <= set(keys_of("rig info"))
     assert found["rig"]["cameras"] == record["cameras"]
     said = run("rig", "info", rig).stdout
     assert "2 cameras, 8 shots" in said
@@ -224,7 +224,7 @@ def test_a_rig_is_evaluated_on_shots(
     rig, record = made
     args = [folder / "left.csv", folder / "right.csv", "-t", folder / "target.yaml"]
     found = json.loads(run("rig", "evaluate", rig / "rig.yaml", *args, "--json").stdout)
-    assert set(found) <= set(keys_of("rig-evaluate"))
+    assert set(found) <= set(keys_of("rig evaluate"))
     # The very shots that it was fitted to: no more error than then, and none less.
     assert found["rms_px"] == pytest.approx(record["fit"]["rms_px"], rel=0.02)
     assert found["alone_rms_px"] < found["rms_px"]
@@ -266,7 +266,7 @@ def test_two_rigs_are_compared(
         (tmp_path / name / "camera.yaml").write_text(text)
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(held, sort_keys=False))
     found = json.loads(run("rig", "compare", rig, tmp_path, "--json").stdout)
-    assert set(found) <= set(keys_of("rig-compare"))
+    assert set(found) <= set(keys_of("rig compare"))
     left, right = found["cameras"]
     assert left["shift"] == [0, 0, 0]
     assert left["sigmas"] is None
