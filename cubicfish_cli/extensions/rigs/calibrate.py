@@ -396,7 +396,8 @@ def command(made: RigFiles, given: RigOptions, how: How) -> None:
     Move the rig about the target, or the target about the rig. Photos of one shot have the same
     name in each camera's folder. From films it chooses moments at which several cameras see the
     target sharply, and fits how far their clocks differ. The cameras' fields need not overlap: two
-    cameras are connected where each sees some board of the target in the same shot.
+    cameras are connected where each sees some board of the target in the same shot. --overwrite
+    also removes what an earlier rig left in the folder.
     """
     printed = how.print(made)
     for finding in made.rig.fit.findings:
