@@ -34,8 +34,10 @@ class ErrorStatistics:
     """Lengths of reprojection errors, pixels.
 
     Attributes:
-        rms_px: sqrt(mean(dx² + dy²)).
-        median_px, p95_px, max_px: median, 95th percentile and largest length.
+        rms_px: sqrt(mean(dx² + dy²)) over all corners used.
+        median_px: the median of the corners' errors.
+        p95_px: 95 % of the errors are below this.
+        max_px: the largest error.
         corners: how many corners were counted.
 
     """
@@ -148,21 +150,24 @@ class FitRecord(ErrorStatistics):
         lift: whether the cubics are of the unit ray or of the point.
         frame: which points a camera of the lift ``point`` takes.
         held_out_folds: number of folds of the cross-validation; 0 without one.
-        radial_rms_px, radial_held_out_rms_px: the same of the radial reference.
+        radial_rms_px: RMS of the radial reference, a Kannala–Brandt lens.
+        radial_held_out_rms_px: its RMS on photos that were left out.
         refine_target: how much of the target was fitted.
         held_out_by_level: held-out RMS of every level of ``refine_target`` that was tried.
         renamed_images: photos whose corners were renamed, since they show the target the other way
             round.
         departures: how far each board of the target departs from the nominal one.
         rank: numerical rank of Φ over the used rays (16 on the sphere), or of the points (20).
-        plain_rms_px, reweighted_rms_px: of the two linear solutions of the lift ``point``.
+        plain_rms_px: of the linear solution of the lift ``point``.
+        reweighted_rms_px: of its reweighted linear solution.
         covered_deg: angle from the axis of the farthest used corner.
         reach: how well corners cover the field's rim.
         pupil: the effect of the moving entrance pupil.
         flat: whether all corners lie nearly in one plane.
-        prior_weight, prior_spread: weight of the prior that ties P to the reference, and the
-            expected asymmetry of its lens.
-        coverage: share of the valid field that corners cover, 0 to 1.
+        prior_weight: how firmly P was held to the radial reference.
+        prior_spread: how much asymmetry of the lens was expected; 0 for none.
+        coverage: share of the field that corners cover, 0 to 1: of where the camera may be trusted
+            and does not see itself, as in a mirror.
         findings: what is likely wrong with the set-up, with the evidence.
         uncertainty: how far the pixels of distant points may be off, on a grid over the photo.
         dropped: number of outliers: corners that were left out as grossly wrong.

@@ -275,7 +275,9 @@ def as_command(
 
         params = options.parameters() + ways.parameters()
         shown = {"short_help": short_help, "epilog": examples(*lines), **more}
-        return common_options(click.command(name, params=params, **shown)(command))
+        made = common_options(click.command(name, params=params, **shown)(command))
+        vars(made)["do"] = do  # whose result says what --json prints
+        return made
 
     return decorate
 

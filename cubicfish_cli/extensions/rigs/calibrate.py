@@ -136,7 +136,21 @@ class RigFiles:
     removed: list[Path]
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish rig calibrate --json`` prints."""
+        """Plain data: what ``cubicfish rig calibrate --json`` prints.
+
+        Keys:
+            units: of lengths: the target's; null for pairs that came without one
+            cameras: a record per camera: name, camera (its file), camera_from_rig, position,
+                covariance, turn_sigma_deg, shift_sigma, fit (its errors in pixels)
+            pairs: a record for every two cameras: cameras, shots (in common), rms_px
+            fit: of all: errors in pixels, held_out_rms_px, shots, refine_target, held_lenses,
+                findings (with the keys of everything that is told, cameras, shots and line),
+                per_shot
+            model: the rig's file
+            verdict: level (good, care or bad), words, figures, and reasons, a record each, with
+                why: what and evidence in one
+
+        """
         from cubicfish_cli.words.camera import verdict_record
 
         return {
