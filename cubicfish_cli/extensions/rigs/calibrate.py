@@ -132,7 +132,7 @@ class RigOptions:
         return named_cameras(self.cameras, self.names)
 
     @cached_property
-    def known(self) -> dict[str, Calibrated | Path]:
+    def known(self) -> dict[str, Calibration | CameraFile | Path]:
         """Cameras that are calibrated already, or their files, by name."""
         from cubicfish_cli.extensions.rigs.naming import named_lenses
 
