@@ -43,7 +43,7 @@ from cubicfish import (
     load_corners,
 )
 from cubicfish.models import cone_rays
-from cubicfish.rigs import load_times
+from cubicfish_cli.extensions.rigs.tables import load_times
 from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 
 NOISE = CornerErrors(noise=0.1, shared=0.0, spread=0.0)

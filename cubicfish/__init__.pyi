@@ -36,6 +36,7 @@ from cubicfish.photos.photos import read_picture as read_picture
 from cubicfish.rigs.calibrate import calibrate_rig as calibrate_rig
 from cubicfish.rigs.compare import compare_rigs as compare_rigs
 from cubicfish.rigs.evaluate import evaluate_rig as evaluate_rig
+from cubicfish.rigs.panorama import stitch as stitch
 from cubicfish.rigs.rig import Rig as Rig
 from cubicfish.rigs.rig import load_rig as load_rig
 from cubicfish.rigs.rig import save_rig as save_rig

@@ -41,15 +41,21 @@ _WAYS = {
 """How a caller gets a record, by the name of its class."""
 
 
-def checked(function: Function) -> Function:
+def checked(function: Function, face: str) -> Function:
     """A function that refuses arguments that are not what its annotations say.
 
     Wrong counts of arguments and unknown names stay Python's own TypeError.
+
+    Args:
+        function: what a module defines, or another face offers.
+        face: the package that offers it, where pickle looks for it.
 
     Raises:
         UsageError: an argument is something else; one line that names it, and what it must be.
 
     """
+    if hasattr(function, "checked_arguments"):
+        return function
     signature = inspect.signature(function)
 
     @wraps(function)
@@ -64,7 +70,9 @@ def checked(function: Function) -> Function:
                 refuse_misfit(name, value, kinds[name])
         return function(*args, **kwargs)
 
+    call.__module__, call.__qualname__ = face, function.__name__
     made: Any = call
+    made.checked_arguments = True
     return made
 
 
@@ -91,7 +99,7 @@ def _misfits(name: str, value: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]
         if all(ways):
             # What is of the right sort, and has something wrong inside, says more.
             deeper = [found for found in ways if found[0][0] != name]
-            yield from deeper[0] if len(deeper) == 1 else [(name, value, kind)]
+            yield from deeper[0] if len(deeper) == 1 else [(name, value, kind)] * (not deeper)
     elif not _is_of(value, origin, inner):
         yield name, value, kind
     elif isinstance(value, Mapping) and len(inner) == 2:
@@ -118,7 +126,7 @@ def _is_of(value: Any, origin: Any, inner: Sequence[Any]) -> bool:
     if _is_array(origin):
         return value is not None and not isinstance(value, str | bytes | Mapping | os.PathLike)
     if origin is Literal:
-        return isinstance(value, str | int) and value in inner
+        return any(isinstance(value, type(one)) for one in inner)  # which, its user says best
     if origin in (None, types.NoneType):
         return value is None
     if origin is bool:

@@ -18,12 +18,15 @@ if TYPE_CHECKING:
     from typing import Any
 
 
-def lazy_names(package: str) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
+def lazy_names(
+    package: str, *, checked: bool = False
+) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
     """Make ``__getattr__`` and ``__dir__`` of a package whose ``__init__.pyi`` lists its names.
 
     Args:
         package: its ``__name__``. Each line of its stub that says ``from a.module import Name as
             Name`` offers a name; ``__all__`` has them all.
+        checked: whether its functions refuse arguments that are not what their annotations say.
 
     Returns:
         The two functions, for the package to assign. The first raises ``AttributeError`` for names
@@ -41,7 +44,12 @@ def lazy_names(package: str) -> tuple[Callable[[str], object], Callable[[], list
         if name == "__all__":
             value: object = sorted(places)
         elif name in places:
-            value = getattr(import_module(places[name]), name)
+            found: Any = getattr(import_module(places[name]), name)
+            value = found
+            if checked and type(found).__name__ == "function":
+                from cubicfish.arguments import checked as hold
+
+                value = hold(found, package)
         else:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         setattr(module, name, value)

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from cubicfish.errors import CubicfishError
 from cubicfish.listener import Listener
@@ -34,6 +34,8 @@ class Run:
         command: the command line that is run, which files say of themselves.
 
     """
+
+    checked_fields: ClassVar = True
 
     jobs: int | None = None
     cache: Path | None = None

@@ -28,4 +28,4 @@ __version__ = "0.1.0"
 
 from cubicfish.lazy import lazy_names
 
-__getattr__, __dir__ = lazy_names(__name__)
+__getattr__, __dir__ = lazy_names(__name__, checked=True)

@@ -39,6 +39,7 @@ from cubicfish import save_corners as save_corners
 from cubicfish import save_map as save_map
 from cubicfish import save_rig as save_rig
 from cubicfish import save_target as save_target
+from cubicfish import stitch as stitch
 from cubicfish import undistort as undistort
 from cubicfish.views import ViewOptions as ViewOptions
 from cubicfish_cli.commands.calibrate import CalibrateOptions as CalibrateOptions
@@ -87,7 +88,6 @@ from cubicfish_cli.extensions.rigs.info import RigInfoOptions as RigInfoOptions
 from cubicfish_cli.extensions.rigs.info import info_rig_files as info_rig_files
 from cubicfish_cli.extensions.rigs.map import RigMapOptions as RigMapOptions
 from cubicfish_cli.extensions.rigs.map import map_rig_files as map_rig_files
-from cubicfish_cli.extensions.rigs.panorama import stitch as stitch
 from cubicfish_cli.extensions.rigs.report import RigReportOptions as RigReportOptions
 from cubicfish_cli.extensions.rigs.report import report_rig_files as report_rig_files
 from cubicfish_cli.extensions.rigs.undistort import RigUndistortOptions as RigUndistortOptions

@@ -193,8 +193,6 @@ def _load_record(place: str) -> Extension:
             raise _BadExtension(f"{quoted(name)} is no name of a command")
     for one in record.outputs.values():
         _check_file_name(one)
-    if record.words is not None:
-        _read_toml(record.words)
     for at in _places_in(record):
         _check_place(at)
     return record
@@ -206,6 +204,8 @@ def _places_in(record: Extension) -> Iterator[str]:
         yield from (made.among, made.photos)
     for output in record.outputs.values():
         yield output.content
+    if record.words is not None:
+        yield record.words
 
 
 def _check_place(at: str) -> None:

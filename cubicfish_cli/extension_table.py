@@ -117,7 +117,7 @@ class Extension:
         inputs: what a camera may be calibrated from beside photos.
         formats: a file of :class:`CameraFormat` by their names, in which other tools keep cameras.
         outputs: what ``--report`` adds to a calibration: kind -> what it is.
-        words: a file of its sentences, as words/catalogue.toml has them.
+        words: ``module:WORDS``, the functions that write its sentences.
         needs: names of other extensions: its modules may import theirs, and it is left out where
             one of them is not there.
 
@@ -132,5 +132,5 @@ class Extension:
     inputs: Sequence[Input] = ()
     formats: Path | None = None
     outputs: Mapping[str, Output] = field(default_factory=dict)
-    words: Path | None = None
+    words: str | None = None
     needs: Sequence[str] = ()

@@ -162,10 +162,11 @@ def _find_in_photos(
     )
 
 
+def is_video(path: Path) -> bool:
+    """Whether a file is a video, by its name."""
+    return path.suffix.lower() in VIDEO_SUFFIXES and not path.is_dir()
+
+
 def films_among(inputs: Sequence[Path]) -> list[Path]:
     """Those of the inputs that are films, recordings or patterns of such, by their names."""
-    return [
-        path
-        for path in inputs
-        if (path.suffix.lower() in VIDEO_SUFFIXES and not path.is_dir()) or is_recording(path)
-    ]
+    return [path for path in inputs if is_video(path) or is_recording(path)]

@@ -12,7 +12,7 @@ from glob import has_magic
 from pathlib import Path
 from typing import Self
 
-from cubicfish import OutputError, Run
+from cubicfish import OutputError, Run, UsageError
 from cubicfish.files import Content, refuse_existing, write_files
 from cubicfish.files.whole_files import refuse_outside, temporary_name
 from cubicfish_cli.inputs.paths import RECORDING_SUFFIXES, file_and_topic
@@ -37,7 +37,12 @@ class Plan:
             skip_existing: whether outputs that exist stay as they are; None where the command
                 cannot leave them out.
 
+        Raises:
+            UsageError: existing outputs are to be replaced and to be left out.
+
         """
+        if skip_existing and run.overwrite:
+            raise UsageError("--skip-existing and --overwrite exclude each other")
         self._overwrite = run.overwrite
         self._skips, self._can_skip = bool(skip_existing), skip_existing is False
         self._named: list[Path] = []  # inputs that nobody has looked for yet

@@ -3,8 +3,8 @@
     python benchmarks/open/fetch.py OUT [--snapshots DIR] [--cameras NAME ...]
 
 A set comes at the commit, and with the files' hashes, that ``cameras.lock.json`` has; a set that is
-not in it yet comes as it is at its newest commit, and is noted there. Only plain git is used, and only
-what is needed is brought. Nothing is passed on: the photos stay under their owners' licences.
+not in it yet comes as it is at its newest commit, and is noted there. Only plain git is used, and
+only what is needed is brought. Nothing is passed on: photos stay under their owners' licences.
 """
 
 import argparse

@@ -1,121 +1,137 @@
-"""results.csv and one page, of all that run.py left: ``report.py WORK NAMES``, by cubicfish's Python."""
+"""results.csv and one page of all that run.py left: ``report.py WORK NAMES``."""
 
 import csv
 import html
 import json
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from trial import known
+from trial import FOLDS, known
 
 BINS = np.arange(0, 136, 15)  # degrees from the axis
 DRAWS = 1000  # of the photos, for intervals
-COLOURS = ("#0a6", "#7b3", "#06c", "#39f", "#c60", "#fa3", "#a0c", "#d5c", "#888", "#444", "#b22", "#e88")
-
-
-def joined(folder, prefix, key):
-    """An array over all folds; None where a fold has none."""
-    parts = [known(folder, file.stem) for file in sorted(folder.glob(f"{prefix}fold*.*"))]
-    good = [part for part in parts if key in part]
-    return (np.concatenate([part[key] for part in good]) if good else None), len(good), len(parts)
+COLOURS = (
+    "#0a6", "#7b3", "#06c", "#39f", "#c60", "#fa3", "#a0c", "#d5c", "#888", "#444", "#b22", "#e88"
+)  # fmt: skip
+COLUMNS = (
+    ("held out px: median", "px_median", 3), ("95 %", "px_p95", 3), ("RMS", "px_rms", 3),
+    ("arc min: median", "min_median", 2), ("95 %", "min_p95", 2), ("RMS", "min_rms", 2),
+    ("has a pixel", "projected", 3), ("board", "board", 0),
+    ("as drawn: median", "drawn_median", 3), ("halves apart: median", "halves_median", 3),
+    ("95 %", "halves_p95", 3), ("claims RMS", "rms_px", 3), ("claims held out", "held_out_px", 3),
+    ("claims σ", "uncertainty_px", 3), ("own corners: median", "own_median", 3),
+    ("recall", "recall", 3), ("exported: median", "export_median", 3), ("CPU s", "seconds", 2),
+    ("MB", "memory", 0), ("lines", "lines", 0),
+)  # fmt: skip
+STYLE = """th{background:#eee}body{font:14px sans-serif;margin:2em}
+table{border-collapse:collapse}svg text{font-size:11px}
+td,th{border:1px solid #ccc;padding:2px 6px;text-align:right;vertical-align:top}
+td:first-child{text-align:left}.best{background:#bfd;font-weight:bold}.near{background:#e6fbe6}
+.lost{background:#fdc}.bad{color:#a00;text-align:left;max-width:30em}"""
+HEAD = """<h1>Calibration tools on real cameras</h1>
+<p>Held-out error, median over all corners, pixels, with its 95 % interval over photos. Green: the best, and those whose interval reaches into its own.
+Red: a camera that cubicfish loses. ✗: something failed (hold the mouse there). README.md says how
+all is measured.</p>"""
 
 
 def interval(error, photo):
     """95 % interval of the median, photos drawn with replacement."""
     photos = [error[photo == one] for one in np.unique(photo)]
-    rng = np.random.default_rng(0)
-    draws = rng.integers(len(photos), size=(DRAWS, len(photos)))
+    draws = np.random.default_rng(0).integers(len(photos), size=(DRAWS, len(photos)))
     found = [np.median(np.concatenate([photos[k] for k in draw])) for draw in draws]
-    return np.quantile(found, 0.025, method="nearest"), np.quantile(found, 0.975, method="nearest")
+    return np.quantile(found, (0.025, 0.975), method="nearest")
 
 
 def spread(error, name):
-    """Median, 95 % and RMS by name; RMS of what the lens has a pixel for, and how much that is."""
-    finite = np.isfinite(error)
-    rms = np.sqrt(np.mean(error[finite] ** 2)) if finite.any() else np.inf
-    p95 = np.quantile(error, 0.95, method="nearest")
-    return {f"{name}_median": np.median(error), f"{name}_p95": p95, f"{name}_rms": rms}
+    """Median, 95 % and, of what the lens has a pixel for, RMS."""
+    seen = error[np.isfinite(error)]
+    high = np.quantile(error, 0.95, method="nearest")
+    rms = np.sqrt(np.mean(seen**2)) if len(seen) else np.inf
+    return {f"{name}_median": np.median(error), f"{name}_p95": high, f"{name}_rms": rms}
 
 
-def row_of(folder, about):
+def row_of(folder):
     """All figures of one tool on one camera, and its arrays for the plots."""
-    row = {"problem": ""}
-    full = known(folder, "full")
-    row["problem"] = str(full.get("problem", ""))
+    about = json.loads((folder / "about.json").read_text(encoding="utf-8"))
+    pieces = {file.stem: known(folder, file.stem) for file in folder.glob("[!a]*.[nj]*")}
+    full, found = pieces.get("full", {}), pieces.get("detect", {})
+    folds = [pieces[name] for name in sorted(pieces) if name.startswith("fold")]
+    problems = [str(one["problem"]) for one in [full, *folds] if "problem" in one]
+    row = {"problem": problems[0] if problems else "", "exported_to": about.get("EXPORT", "")}
     if "px" in full:
-        claims = json.loads(str(full["claims"]))
-        row |= {"claimed_rms_px": claims.get("rms_px"), "claimed_held_out_px": claims.get("held_out_px"),
-                "claimed_uncertainty_px": claims.get("uncertainty_px"), "cpu_s": float(full["seconds"]),
-                "memory_mb": float(full["memory"]), "lines": int(full["lines"]), "note": str(full["note"]),
-                "board": "refined" if full["refined"] else "as drawn", "starts_lost": str(full["lost"]),
-                **spread(full["px"], "fitted_px")}  # fmt: skip
-    error, good, folds = joined(folder, "", "px")
-    row["folds"] = f"{good} of {folds}" if folds else ""
-    if error is not None:
-        photo = joined(folder, "", "photo")[0]
-        row |= spread(error, "px") | spread(joined(folder, "", "min")[0], "arcmin")
-        row |= {"projected": np.isfinite(error).mean(), "angle": joined(folder, "", "angle")[0]}
-        row["low"], row["high"] = interval(error, photo)
-        row |= {"error": error, "photo": photo}
-        if good < folds:
-            problems = [known(folder, f.stem).get("problem") for f in folder.glob("fold*.*")]
-            row["problem"] = "a fold: " + str(next(one for one in problems if one is not None))
-    for name, prefix, key in (("drawn", "", "drawn_px"), ("export", "", "export_px"), ("own", "own_", "px")):
-        error = joined(folder, prefix, key)[0]
-        if error is not None:
-            row |= spread(error, f"{name}_px")
-    halves, found = known(folder, "halves"), known(folder, "detect")
-    if "px" in halves:
-        row |= spread(halves["px"], "halves_px")
+        row |= json.loads(str(full["claims"])) | spread(full["px"], "fitted")
+        row |= {key: float(full[key]) for key in ("seconds", "memory", "lines")}
+        row |= {"note": str(full["note"]), "starts_lost": str(full["lost"])}
+        row["board"] = "refined" if full["refined"] else "as drawn"
+    for prefix, name, key in (
+        ("fold", "px", "px"), ("fold", "min", "min"), ("fold", "drawn", "drawn"),
+        ("fold", "export", "export"), ("own", "own", "px"), ("halves", "halves", "px"),
+    ):  # fmt: skip
+        own = [pieces[one] for one in sorted(pieces) if one.startswith(prefix)]
+        parts = [one[key] for one in own if key in one]
+        if parts:
+            row |= spread(np.concatenate(parts), name)
+    good = [one for one in folds if "px" in one]
+    if good:
+        row["arrays"] = {key: np.concatenate([one[key] for one in good]) for key in ("px", "angle")}
+        photo = np.concatenate([one["photo"] for one in good])
+        row["projected"] = np.isfinite(row["arrays"]["px"]).mean()
+        row["low"], row["high"] = interval(row["arrays"]["px"], photo)
+        row["folds"] = f"{len(good)} of {len(folds)}"
     if "recalled" in found:
-        row |= {"recalled": found["recalled"], "recall": found["recalled"].mean()}
-    row["detector"] = str(found.get("problem", "")) or ("" if found else "none here")
-    row["export"] = about.get("EXPORT", "none here")
-    return row
+        row["recall"], row["recalled"] = found["recalled"].mean(), found["recalled"]
+    row["detector"] = str(found.get("problem", ""))
+    return about["tool"], row
 
 
-def by_angle(rows):
-    """Add to each row its median error and recall by angle: each corner's angle is all tools' median."""
-    angles = [row["angle"] for row in rows.values() if "angle" in row and row["folds"][0] == row["folds"][-1]]
-    angles = [one for one in angles if len(one) == max(map(len, angles))]
-    if not angles:
+def add_angles(rows, order):
+    """Errors and recall by angle. A corner's angle is the median of what all lenses say.
+
+    ``order``: where each corner of the table is among those held out.
+    """
+    arrays = [
+        r["arrays"] for r in rows.values() if "arrays" in r and len(r["arrays"]["px"]) == len(order)
+    ]
+    if not arrays:
         return
-    middle = np.nanmedian(angles, axis=0)
+    angle = np.median([one["angle"] for one in arrays], axis=0)
     for row in rows.values():
-        for name, values in (("by_angle", row.get("error")), ("recall_by_angle", row.get("recalled"))):
-            if values is None or len(values) != len(middle):
-                continue
-            for low, high in zip(BINS[:-1], BINS[1:], strict=True):
-                inside = (middle >= low) & (middle < high)
-                if inside.sum() >= 10:
-                    value = np.median(values[inside]) if name == "by_angle" else values[inside].mean()
-                    row[f"{name}_{low}_{high}"] = value
+        values = {"error": row.get("arrays", {}).get("px")}
+        if "recalled" in row:
+            values["recall"] = row["recalled"][order]
+        for name, value in values.items():
+            for low, high in pairwise(BINS):
+                inside = (angle >= low) & (angle < high)
+                if value is not None and len(value) == len(angle) and inside.sum() >= 10:
+                    measure = np.median if name == "error" else np.mean
+                    row[f"{name}_{low}_{high}"] = measure(value[inside])
 
 
 def plot(rows, name, label):
     """Lines of values by angle, as SVG."""
-    lines = []
+    lines = {}
     for tool, row in rows.items():
-        keys = [(low, f"{name}_{low}_{low + 15}") for low in BINS[:-1]]
-        line = [(low + 7.5, row[key]) for low, key in keys if np.isfinite(row.get(key, np.nan))]
-        if line:
-            lines.append((tool, line))
-    if not lines:
+        keys = [(low + 7.5, f"{name}_{low}_{high}") for low, high in pairwise(BINS)]
+        lines[tool] = [(x, row[key]) for x, key in keys if np.isfinite(row.get(key, np.nan))]
+    values = sorted(value for line in lines.values() for _, value in line)
+    if not values:
         return ""
-    values = sorted(value for _, line in lines for _, value in line)
-    top = min(values[-1], 8 * values[len(values) // 2]) * 1.05 or 1.0
-    right = max(x for _, line in lines for x, _ in line) + 7.5
-    parts = [f'<svg viewBox="0 0 560 {220 + 0}" width="560"><text x="4" y="12">{label}</text>']
+    top = min(values[-1], 6 * values[len(values) // 2]) * 1.05 or 1.0
+    wide = max(x for line in lines.values() for x, _ in line) + 7.5
+    parts = [f'<svg viewBox="0 0 560 240" width="560"><text x="4" y="12">{label}</text>']
     for tick in np.linspace(0, top, 5):
         y = 190 - 165 * tick / top
-        parts.append(f'<path d="M40 {y:.1f}H400" stroke="#ddd"/><text x="2" y="{y + 4:.1f}">{tick:.2g}</text>')
-    parts += [f'<text x="{40 + 360 * a / right:.0f}" y="206">{a}°</text>' for a in BINS if a <= right]
-    for k, (tool, line) in enumerate(lines):
-        colour = COLOURS[list(rows).index(tool) % len(COLOURS)]
-        d = "L".join(f"{40 + 360 * x / right:.1f} {190 - 165 * min(v, top) / top:.1f}" for x, v in line)
-        parts.append(f'<path d="M{d}" fill="none" stroke="{colour}" stroke-width="2"/>')
-        parts.append(f'<text x="406" y="{24 + 15 * k}" fill="{colour}">{html.escape(tool)}</text>')
+        parts.append(f'<path d="M40 {y:.1f}H400" stroke="#ddd"/>')
+        parts.append(f'<text x="2" y="{y + 4:.1f}">{tick:.2g}</text>')
+    parts += [f'<text x="{40 + 360 * a / wide:.0f}" y="206">{a}°</text>' for a in BINS if a <= wide]
+    for k, (tool, line) in enumerate(lines.items()):
+        if line:
+            colour, right = COLOURS[k % len(COLOURS)], 360 / wide
+            places = [f"{40 + right * x:.1f} {190 - 165 * min(v, top) / top:.1f}" for x, v in line]
+            parts.append(f'<path d="M{"L".join(places)}" fill="none" stroke="{colour}"/>')
+            parts.append(f'<text x="406" y="{24 + 15 * k}" fill="{colour}">{tool}</text>')
     return "".join(parts) + "</svg>"
 
 
@@ -125,110 +141,99 @@ def shown(value, digits=3):
         return "–"
     if isinstance(value, str):
         return html.escape(value)
-    return f"{value:.{digits}f}" if value < 1000 else ("∞" if not np.isfinite(value) else f"{value:.0f}")
+    return f"{value:.{digits}f}" if value < 1000 else f"{value:.0f}".replace("inf", "∞")
 
 
 def table(head, rows):
     """HTML; cells are texts, or (text, class)."""
-    cells = [[one if isinstance(one, tuple) else (one, "") for one in row] for row in rows]
-    body = "".join("<tr>" + "".join(f'<td class="{c}">{t}</td>' for t, c in row) + "</tr>" for row in cells)
-    return "<table><tr>" + "".join(f"<th>{one}</th>" for one in head) + f"</tr>{body}</table>"
+    pairs = [[one if isinstance(one, tuple) else (one, "") for one in row] for row in rows]
+    lines = ["".join(f'<td class="{kind}">{text}</td>' for text, kind in row) for row in pairs]
+    first = "".join(f"<th>{one}</th>" for one in head)
+    return f"<table><tr>{first}</tr>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
 
 
 def best_of(rows):
-    """Names of the best by held-out median, and of those whose intervals reach it."""
-    whole = {t: r for t, r in rows.items() if "px_median" in r and not r["problem"]}
+    """The best by held-out median of those that did all folds, and those hardly told from it."""
+    whole = {tool: row for tool, row in rows.items() if "low" in row and not row["problem"]}
     if not whole:
         return None, set()
     best = min(whole, key=lambda tool: whole[tool]["px_median"])
     return best, {tool for tool, row in whole.items() if row["low"] <= rows[best]["high"]}
 
 
-COLUMNS = (
-    ("held out px: median", "px_median", 3), ("95 %", "px_p95", 3), ("RMS", "px_rms", 3),
-    ("arc min: median", "arcmin_median", 2), ("95 %", "arcmin_p95", 2), ("RMS", "arcmin_rms", 2),
-    ("has a pixel", "projected", 3), ("board", "board", 0), ("board as drawn: median", "drawn_px_median", 3),
-    ("halves apart: median", "halves_px_median", 3), ("95 %", "halves_px_p95", 3),
-    ("claims RMS", "claimed_rms_px", 3), ("claims held out", "claimed_held_out_px", 3),
-    ("claims σ", "claimed_uncertainty_px", 3), ("own corners: median", "own_px_median", 3),
-    ("recall", "recall", 3), ("exported: median", "export_px_median", 3), ("CPU s", "cpu_s", 2),
-    ("MB", "memory_mb", 0), ("lines", "lines", 0),
-)  # fmt: skip
-STYLE = """body{font:14px sans-serif;margin:2em auto;max-width:1500px}table{border-collapse:collapse}
-td,th{border:1px solid #ccc;padding:2px 6px;text-align:right;vertical-align:top}th{background:#eee}
-td:first-child,.left{text-align:left}.best{background:#bfd;font-weight:bold}.near{background:#e6fbe6}
-.lost{background:#fdc}.bad{color:#a00;text-align:left;max-width:30em}svg text{font-size:11px}"""
+def overview(rows, tools):
+    """Cells of one camera."""
+    (best, near), cells = best_of(rows), []
+    for tool in tools:
+        row = rows.get(tool, {})
+        kind = "best" if tool == best else "near" if tool in near else ""
+        if tool == "cubicfish" and best and not best.startswith("cubicfish"):
+            kind = "lost"
+        text = shown(row.get("px_median"))
+        if "low" in row:
+            text += f"<br><small>{shown(row['low'])}–{shown(row['high'])}</small>"
+        if row.get("problem"):
+            text, kind = f'<span title="{html.escape(row["problem"])}">{text} ✗</span>', ""
+        cells.append((text, kind))
+    return cells
 
 
 def page(cameras, tools, missing):
     """The whole page."""
-    head, overview, parts = ["camera", "photos", *map(html.escape, tools)], [], []
+    lines, parts = [], []
     for name, (about, rows) in cameras.items():
-        best, near = best_of(rows)
-        link = f'<a href="#{name}">{name}</a>'
-        line = [link, f"{about['photos']} of {about['files']}"]
-        for tool in tools:
-            row = rows.get(tool, {})
-            kind = "best" if tool == best else "near" if tool in near else ""
-            if tool == "cubicfish" and best and tool not in near:
-                kind = "lost"
-            text = shown(row.get("px_median"))
-            if "low" in row:
-                text += f"<br><small>{shown(row['low'])}–{shown(row['high'])}</small>"
-            if row.get("problem"):
-                text, kind = f'<span title="{html.escape(row["problem"])}">{text} ✗</span>', ""
-            line.append((text, kind))
-        overview.append(line)
-        source = about.get("repo", "")
-        told = f'<a href="{source}">{source}</a>, licence: {about.get("licence")}. ' if source else ""
-        parts.append(f'<h2 id="{name}">{name}</h2><p>{told}{about["size"][0]}x{about["size"][1]} px, '
-                     f"{about['photos']} photos, {about['corners']} corners by {about['corners_by']}.</p>")  # fmt: skip
-        full = [[html.escape(tool), *(shown(row.get(key), n) for _, key, n in COLUMNS),
-                 (html.escape("; ".join(filter(None, (row["problem"], row.get("note"))))), "bad")]
-                for tool, row in rows.items()]  # fmt: skip
+        counted = f"{about['photos']} of {about['files']}"
+        lines.append([f'<a href="#{name}">{name}</a>', counted, *overview(rows, tools)])
+        source, size = about.get("repo", ""), "x".join(map(str, about["size"]))
+        told = (
+            f'<a href="{source}">{source}</a>, licence: {about.get("licence")}. ' if source else ""
+        )
+        parts.append(f'<h2 id="{name}">{name}</h2><p>{told}{size} px, {counted} photos, ')
+        parts.append(f"{about['corners']} corners by {about['corners_by']}.</p>")
+        full = []
+        for tool, row in rows.items():
+            said = "; ".join(filter(None, (row["problem"], row.get("note"), row["detector"])))
+            cells = [shown(row.get(key), digits) for _, key, digits in COLUMNS]
+            full.append([tool, *cells, (html.escape(said), "bad")])
         parts.append(table(["tool", *(title for title, _, _ in COLUMNS), "remarks"], full))
-        parts.append(plot(rows, "by_angle", "held-out median, px, by angle from the axis"))
-        parts.append(plot(rows, "recall_by_angle", "share of the table's corners that its detector finds"))
-    overview += [[name, "not here", (html.escape(why), "bad")] for name, why in missing.items()]
-    return (
+        parts.append(plot(rows, "error", "held-out median, px, by angle from the axis"))
+        parts.append(plot(rows, "recall", "share of the table's corners that its detector finds"))
+    lines += [[name, "not here", (html.escape(why), "bad")] for name, why in missing.items()]
+    head = (
         f'<!doctype html><meta charset="utf-8"><title>Open benchmark</title><style>{STYLE}</style>'
-        "<h1>Calibration tools on real cameras</h1><p>Held-out error, median over all corners, pixels, with "
-        "its 95 % interval over photos. Green: the best, and those whose interval reaches it. Red: rows "
-        "that cubicfish loses. ✗: something failed (hold the mouse there). README.md says how all is "
-        f"measured.</p>{table(head, overview)}{''.join(parts)}"
     )
+    return head + HEAD + table(["camera", "photos", *tools], lines) + "".join(parts)
 
 
 def main():
     """Write results.csv and index.html."""
     work, (names, tools) = Path(sys.argv[1]), json.loads(sys.argv[2])
     missing = json.loads((work / "missing.json").read_text(encoding="utf-8"))
-    cameras = {}
-    for name in names:
-        if not (work / "jobs" / name / "about.json").exists():
-            continue
-        rows = {}
-        for folder in (work / "results" / name).iterdir():
-            about = json.loads((folder / "about.json").read_text(encoding="utf-8"))
-            if about["tool"] in tools:
-                rows[about["tool"]] = row_of(folder, about)
+    cameras, lines = {}, []
+    for name in [one for one in names if one not in missing]:
+        rows = dict(row_of(folder) for folder in (work / "results" / name).iterdir())
         rows = {tool: rows[tool] for tool in tools if tool in rows}
-        by_angle(rows)
-        cameras[name] = json.loads((work / "jobs" / name / "about.json").read_text("utf-8")), rows
-    lines = [
-        {"camera": name, "tool": tool, **row} for name, (_, rows) in cameras.items() for tool, row in rows.items()
-    ] + [{"camera": name, "problem": f"not here: {why}"} for name, why in missing.items()]  # fmt: skip
-    lines = [{k: v for k, v in line.items() if not isinstance(v, np.ndarray)} for line in lines]
+        job = np.load(work / "jobs" / name / "job.npz")
+        fold = np.arange(len(job["names"])) % min(FOLDS, len(job["names"]))
+        fold = np.where(job["test"], 0, -1) if job["test"].any() else fold
+        of_corner = fold[job["image"]]
+        add_angles(
+            rows, np.concatenate([np.flatnonzero(of_corner == k) for k in range(fold.max() + 1)])
+        )
+        about = json.loads((work / "jobs" / name / "about.json").read_text(encoding="utf-8"))
+        cameras[name] = about, rows
+        for tool, row in rows.items():
+            plain = {key: value for key, value in row.items() if key not in ("arrays", "recalled")}
+            numbers = {k: f"{v:.6g}" for k, v in plain.items() if isinstance(v, float)}
+            lines.append({"camera": name, "tool": tool} | plain | numbers)
+        best, _ = best_of(rows)
+        print(f"{name}: {best}, {shown(rows[best]['px_median'])} px" if best else f"{name}: nobody")
+    lines += [{"camera": name, "problem": f"not here: {why}"} for name, why in missing.items()]
     with (work / "results.csv").open("w", encoding="utf-8", newline="") as stream:
         writer = csv.DictWriter(stream, list(dict.fromkeys(key for line in lines for key in line)))
         writer.writeheader()
-        for line in lines:
-            numbers = {k: f"{v:.6g}" for k, v in line.items() if isinstance(v, float)}
-            writer.writerow(line | numbers)
+        writer.writerows(lines)
     (work / "index.html").write_text(page(cameras, tools, missing), encoding="utf-8")
-    for name, (_, rows) in cameras.items():
-        best, _ = best_of(rows)
-        print(f"{name}: {best}, {shown(rows[best]['px_median'])} px" if best else f"{name}: nobody")
     print(f"{work / 'results.csv'}, {work / 'index.html'}")
 
 

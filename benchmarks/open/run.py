@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -25,6 +26,8 @@ QUIET = {
     f"{name}_NUM_THREADS": "1"
     for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "RAYON", "OPENCV_FOR")
 } | {"PYTHONHASHSEED": "0", "MPLBACKEND": "Agg"}
+STOPPED = (signal.SIGINT, signal.SIGTERM)  # by the user, who will start it again
+ENDED = {signal.SIGXCPU: "took more than {} s", signal.SIGKILL: "was killed: too much memory?"}
 
 
 def constants(adapter):
@@ -76,13 +79,14 @@ def digest(*parts):
 def cameras_in(folders):
     """Folders with a target and photos, a film or a table, by name."""
     found = {}
-    for target in sorted(
-        t for f in folders for t in [*f.glob("*/target.yaml"), *f.glob("*/*/target.yaml")]
-    ):
-        here = target.parent
-        things = [here / "images", *here.glob("film.*"), here / "corners.csv"]
-        if "cases" not in target.parts and any(one.exists() for one in things):
-            found[here.name] = here
+    for depth in ("*", "*/*"):
+        for target in sorted(
+            one for folder in folders for one in folder.glob(f"{depth}/target.yaml")
+        ):
+            here = target.parent
+            things = [here / "images", here / "corners.csv", *here.glob("film.*")]
+            if "cases" not in target.parts and any(one.exists() for one in things):
+                found[here.name] = here
     return found
 
 
@@ -95,23 +99,27 @@ def call(python, script, *arguments):
     return told.returncode, told.stderr + told.stdout
 
 
-def tried(adapter, variant, python, job, folder, limit):
+def tried(python, problem, adapter, tool, job, folder, limit):
     """All pieces of one tool on one camera, past every crash."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for _ in range(40):  # a crash ends one piece at most
-        status, said = call(python, "trial.py", adapter, variant, job, folder, limit)
+    alone = folder / "full.json"
+    if problem:
+        alone.write_text(json.dumps({"problem": problem}))
+        return
+    if alone.exists() and "not installed" in alone.read_text():
+        alone.unlink()
+    for _ in range(40):  # a crash ends one piece
+        status, said = call(python, "trial.py", adapter, tool, job, folder, limit)
         (folder / "said.txt").write_text(said[-20000:], encoding="utf-8")
         broken = list(folder.glob("*.begun"))
-        if status == 0 or not broken:
-            break
+        if status == 0 or -status in STOPPED:
+            return
         for begun in broken:
             begun.unlink()
-            why = f"took more than {limit} s" if status in (-24, 152) else f"crashed ({status})"
-            (folder / f"{begun.stem}.json").write_text(json.dumps({"problem": why}))
-    if status:
-        (folder / "full.json").write_text(
-            json.dumps({"problem": said.strip().splitlines()[-1][:200]})
-        )
+            why = ENDED.get(-status, f"crashed ({status})").format(limit)
+            begun.with_suffix(".json").write_text(json.dumps({"problem": why}))
+        if not broken:
+            break
+    alone.write_text(json.dumps({"problem": said.strip().splitlines()[-1][:200]}))
 
 
 def chosen(names, patterns):
@@ -122,74 +130,81 @@ def chosen(names, patterns):
 def options():
     """The command line."""
     parser = argparse.ArgumentParser(description="The open benchmark of calibration tools.")
-    parser.add_argument("--data", type=Path, action="append", default=[], metavar="DIR",
-                        help="folders of cameras; none is fetched then")  # fmt: skip
-    parser.add_argument("--snapshots", type=Path, metavar="DIR",
-                        help="clones or bare repositories called owner+name, instead of GitHub")  # fmt: skip
-    parser.add_argument(
-        "--cameras", nargs="*", default=[], metavar="NAME", help="only these; * fits all"
+    add = parser.add_argument
+    add(
+        "--data", type=Path, nargs="+", metavar="DIR", help="cameras' folders; none is fetched then"
     )
-    parser.add_argument(
-        "--tools", nargs="*", default=[], metavar="NAME", help="only these; * fits all"
-    )
-    parser.add_argument("--work", type=Path, default=Path("open-benchmark"), metavar="DIR",
-                        help="where all goes [open-benchmark]")  # fmt: skip
-    parser.add_argument("--jobs", type=int, default=1, help="tools at a time [1]")
-    parser.add_argument("--limit", type=int, default=600, metavar="S",
-                        help="processor time that a piece of work may take [600]")  # fmt: skip
-    parser.add_argument("--list", action="store_true", help="name cameras and tools, and end")
+    add("--snapshots", type=Path, metavar="DIR", help="clones or bare repositories, owner+name")
+    add("--cameras", nargs="+", metavar="NAME", help="only these; * fits all")
+    add("--tools", nargs="+", metavar="NAME", help="only these; * fits all")
+    add("--work", type=Path, default=Path("open-benchmark"), metavar="DIR", help="where all goes")
+    add("--jobs", type=int, default=1, metavar="N", help="tools at a time [1]")
+    add("--limit", type=int, default=600, metavar="S", help="processor time for a piece [600]")
+    add("--list", action="store_true", help="name cameras and tools, and end")
     return parser.parse_args()
 
 
-def main():
-    """Corners, tools, trials, report."""
-    given = options()
-    work = given.work.resolve()
-    adapters = {file: constants(file) for file in sorted((HERE / "tools").glob("*.py"))}
-    tools = {name: file for file, about in adapters.items() for name in about["VARIANTS"]}
-    missing = {}
-    if not given.data:
-        known = chosen(fetch.cameras(), given.cameras)
-        missing = {} if given.list else fetch.all_of(known, work / "cameras", given.snapshots)
-    found = cameras_in(given.data or [work / "cameras"])
-    names, wanted = chosen(found, given.cameras), chosen(tools, given.tools)
-    if given.list:
-        print("\n".join([*(found or fetch.cameras()), "", *tools]))
-        return
-    pythons = {file: python_of(file, adapters[file], work) for file in {tools[n] for n in wanted}}
-    ours = HERE / "tools" / "cubicfish.py"
-    python, problem = python_of(ours, adapters[ours], work)
-    if problem:
-        sys.exit(f"cubicfish finds the corners and writes the report, and is {problem}")
-    tasks = []
+def prepared(names, found, work, python, missing):
+    """Of these cameras those whose corners are known, the tables made if need be."""
     for name in names:
-        job = work / "jobs" / name / "job.npz"
-        if not job.exists():
-            status, said = call(python, "prepare.py", found[name], job.parent)
+        job = work / "jobs" / name
+        if not (job / "job.npz").exists():
+            status, said = call(python, "prepare.py", found[name], job)
             if status:
                 missing[name] = said.strip().splitlines()[-1]
                 continue
             print(f"{name}: corners", flush=True)
-        for tool in wanted:
-            file = tools[tool]
-            folder = work / "results" / name / tool.replace(" ", "_").replace(",", "")
-            stamp = digest(job, file, HERE / "trial.py", HERE / "measure.py", str(adapters[file]))
-            if folder.exists() and (folder / "stamp").read_text() != stamp:
-                shutil.rmtree(folder)
-            folder.mkdir(parents=True, exist_ok=True)
-            (folder / "stamp").write_text(stamp)
-            (folder / "about.json").write_text(
-                json.dumps({"tool": tool, **adapters[file]}, default=str)
-            )
-            own, why = pythons[file]
-            if why:
-                (folder / "full.json").write_text(json.dumps({"problem": why}))
-                continue
-            (folder / "full.json").unlink(missing_ok=True)
-            tasks.append((file, tool, own, job, folder, given.limit))
+        yield name
+
+
+def task_of(name, tool, adapter, about, work, limit):
+    """Arguments of ``tried``; what other code or corners left is removed."""
+    job = work / "jobs" / name / "job.npz"
+    folder = work / "results" / name / tool.replace(" ", "_").replace(",", "")
+    own = [HERE / f"{script}.py" for script in ("job", "trial", "measure")]
+    stamp = digest(job, adapter, *own, str(about))
+    if folder.exists() and (folder / "stamp").read_text() != stamp:
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "stamp").write_text(stamp)
+    (folder / "about.json").write_text(json.dumps({"tool": tool, **about}))
+    return adapter, tool, job, folder, limit
+
+
+def main():
+    """Corners, tools, trials, report."""
+    given, missing = options(), {}
+    work = given.work.resolve()
+    adapters = {file: constants(file) for file in sorted((HERE / "tools").glob("*.py"))}
+    tools = {name: file for file, about in adapters.items() for name in about["VARIANTS"]}
+    if given.list:
+        print("\n".join([*fetch.cameras(), "", *tools]))
+        return
+    if not given.data:
+        names = chosen(fetch.cameras(), given.cameras)
+        missing = fetch.all_of(names, work / "cameras", given.snapshots)
+    found = cameras_in(given.data or [work / "cameras"])
+    names, wanted = chosen(found, given.cameras), chosen(tools, given.tools)
+    ours = HERE / "tools" / "cubicfish.py"
+    pythons = {file: python_of(file, adapters[file], work) for file in map(tools.get, wanted)}
+    python, problem = python_of(ours, adapters[ours], work)
+    if problem:
+        sys.exit(f"cubicfish finds the corners and writes the report, and is {problem}")
+    tasks = [
+        (
+            *pythons[tools[tool]],
+            *task_of(name, tool, tools[tool], adapters[tools[tool]], work, given.limit),
+        )
+        for name in prepared(names, found, work, python, missing)
+        for tool in wanted
+    ]
     with ThreadPoolExecutor(given.jobs) as pool:
-        for task, _ in zip(tasks, pool.map(lambda one: tried(*one), tasks), strict=True):
-            print(f"{task[3].parent.name}: {task[1]}", flush=True)
+        try:
+            for task, _ in zip(tasks, pool.map(lambda one: tried(*one), tasks), strict=True):
+                print(f"{task[4].parent.name}: {task[3]}", flush=True)
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
+            sys.exit("stopped; the same command goes on from here")
     (work / "missing.json").write_text(json.dumps(missing))
     status, said = call(python, "report.py", work, json.dumps([names, wanted]))
     print(said.strip())

@@ -149,7 +149,6 @@ def miscounted(evidence: GridEvidence) -> list[Finding]:
     boards = [evidence.target.boards[one.board] for one in counts]
     seen = [
         {
-            "form": "one",
             "board": board.name,
             "columns": count.size[0],
             "rows": count.size[1],
@@ -326,7 +325,6 @@ def nothing_named(evidence: GridEvidence) -> list[Finding]:
             "photos": seen,
             "says": ", ".join(f"{board.columns}x{board.rows}" for board in boards[:6]),
             "why": why.value,
-            "help": why.value,
         },
     )
     return [finding]

@@ -190,9 +190,11 @@ def _describe_print(target: Target, other: Target, boards: list[int], corners: i
         and first.markers.inverted != now.markers.inverted
     )
     mirrored = target.mirrored != other.mirrored
-    how = ["inverted"] * inverted
-    how += ["mirrored" if other.mirrored else "not_mirrored"] * mirrored
-    printed = "_".join(how)
+    printed = "inverted"
+    if mirrored and inverted:
+        printed = "inverted_mirrored" if other.mirrored else "inverted_not_mirrored"
+    elif mirrored:
+        printed = "mirrored" if other.mirrored else "not_mirrored"
     return Finding(
         code=Code.MIRRORED if mirrored else Code.INVERTED,
         case="markers" if mirrored else "",
@@ -200,7 +202,6 @@ def _describe_print(target: Target, other: Target, boards: list[int], corners: i
         boards=names,
         figures={
             "printed": printed,
-            "print_help": printed,
             "light": first.markers is not None and not first.markers.inverted,
             "first_square": other.as_printed().boards[boards[0]].first_square,
             "corners": corners,

@@ -48,7 +48,7 @@ ORDERS: Mapping[str, _Order] = {
     "a_quarter_turn_back": lambda c, r, C, R: (r, C - 1 - c),
     "exchanged_backwards": lambda c, r, C, R: (R - 1 - r, C - 1 - c),
 }
-"""The eight ways to count a board's corners, by their keys in words/catalogue.toml."""
+"""The eight ways to count a board's corners, by their names in findings."""
 COUNTED = tuple(ORDERS)[1:7]
 """Those of them in which a single photo's corners may be counted, where others are counted
 rightly."""
@@ -70,6 +70,20 @@ _LARGEST_RATIO = 2000.0
 # The best ratio of squares is within this factor of a rough one.
 _NEAR_RATIO = 2.0
 _MIXED_UNITS = {25.4: "inches_mm", 10.0: "cm_mm", 1000.0: "m_mm", 2.54: "inches_cm"}
+# By whether all boards are meant, and whether units are mixed up.
+_SQUARE_CASES = {
+    (False, False): "",
+    (False, True): "units",
+    (True, False): "all",
+    (True, True): "all_units",
+}
+# By whether either of two boards may be meant, and whether its squares are off too.
+_PLACE_CASES = {
+    (False, False): "",
+    (False, True): "and_square",
+    (True, False): "of_two",
+    (True, True): "of_two_and_square",
+}
 _bad = partial(Finding, severity=Severity.BAD)
 
 
@@ -229,7 +243,7 @@ def _try_squares(seen: _Measured) -> _Hypotheses:
         }
         finding = _bad(
             code=Code.BOARD_SQUARE,
-            case="_".join(["all"] * seen.every(boards) + ["units"] * bool(mixed)),
+            case=_SQUARE_CASES[seen.every(boards), bool(mixed)],
             boards=seen.names(boards),
             figures={**figures, **({"units_mixed": mixed} if mixed else {})},
         )
@@ -265,14 +279,14 @@ def _place_by_others(seen: _Measured, board: int, *, scaled: bool) -> Similarity
 
 def _try_places(seen: _Measured, *, scaled: bool = False) -> _Hypotheses:
     """Try another place for each board by itself, by where the others put it."""
-    case = ["of", "two"] * (len(seen.boards) == 2) + ["and", "square"] * scaled
+    case = _PLACE_CASES[len(seen.boards) == 2, scaled]
     for index, nominal in seen.nominal.items():
         motion = _place_by_others(seen, index, scaled=scaled)
         middle = nominal.mean(axis=0)
         cosine = (np.trace(motion.rotation) - 1) / 2
         finding = _bad(
             code=Code.BOARD_PLACE,
-            case="_".join(case),
+            case=case,
             boards=seen.names([index]),
             figures={
                 "shift": float(np.linalg.norm(motion(middle) - middle)),

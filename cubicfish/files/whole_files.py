@@ -163,31 +163,38 @@ def whole_files(
     for folder in {path.parent for path in paths}:
         if not _was_searched(folder):
             remove_orphans(folder)
-    temporaries = tuple(temporary_name(path) for path in paths)
+    together = {path: temporary_name(path) for path in paths}
     aside = {path: temporary_name(path) for path in (*paths, *obsolete)} if overwrite else {}
-    path = paths[0]  # the one to name when something goes wrong
     try:
-        for path in paths:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        yield temporaries
-        for path, temporary in zip(paths, temporaries, strict=True):  # noqa: B007 - see except
-            with temporary.open("rb+") as file:
-                os.fsync(file.fileno())
-        together = dict(zip(paths, temporaries, strict=True))
-        if not overwrite:
-            _put_at_free_names(together)
-        elif len(aside) == 1:
-            os.replace(temporaries[0], path)
-        else:
-            _replace(together, aside)
+        with _naming(*paths, *obsolete):
+            for path in paths:
+                with _naming(path):
+                    path.parent.mkdir(parents=True, exist_ok=True)
+            yield tuple(together.values())
+            for path, temporary in together.items():
+                with _naming(path), temporary.open("rb+") as file:
+                    os.fsync(file.fileno())
+            if not overwrite:
+                _put_at_free_names(together)
+            elif len(aside) == 1:
+                os.replace(together[paths[0]], paths[0])
+            else:
+                _replace(together, aside)
+    finally:
+        _remove((*together.values(), *aside.values()))
+
+
+@contextmanager
+def _naming(*paths: Path) -> Iterator[None]:
+    """Name the file in what the system refuses: the one that is at fault, else the first."""
+    try:
+        yield
     except CubicfishError:  # says what went wrong already, and some are OSErrors too
         raise
     except OSError as error:
         at_fault = {str(name) for name in (error.filename, error.filename2) if name is not None}
-        path = next((path for path in (*paths, *obsolete) if str(path) in at_fault), path)
+        path = next((path for path in paths if str(path) in at_fault), paths[0])
         raise _explain_unwritable(path, error) from error
-    finally:
-        _remove((*temporaries, *aside.values()))
 
 
 def _put_at_free_names(together: dict[Path, Path]) -> None:
@@ -342,15 +349,11 @@ def write_files(
             list(files), overwrite=overwrite, obsolete=obsolete, folder=folder
         ) as temporaries:
             for temporary, (path, content) in zip(temporaries, files.items(), strict=True):
-                try:
+                with _naming(path):
                     if isinstance(content, str):
                         temporary.write_text(content, encoding="utf-8", newline="\n")
                     elif isinstance(content, bytes):
                         temporary.write_bytes(content)
                     else:
                         content(temporary)
-                except CubicfishError:  # some are OSErrors too
-                    raise
-                except OSError as error:
-                    raise _explain_unwritable(path, error) from error
     return list(files)

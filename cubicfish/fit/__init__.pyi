@@ -1,6 +1,5 @@
 """The names that this package offers: `lazy.py` reads them too."""
 
-from cubicfish.fit.coverage import FieldCells as FieldCells
 from cubicfish.fit.exported_lens import Conversion as Conversion
 from cubicfish.fit.exported_lens import to_lens as to_lens
 from cubicfish.fit.imported_lens import ImportedCamera as ImportedCamera

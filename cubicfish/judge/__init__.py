@@ -1,8 +1,7 @@
 """A fit's record -> the verdict on it, the camera's uncertainty, and its key figures.
 
 `FitRecord` (`fit_record.py`) is the one record, from the fit to camera.yaml and back; `records.py`
-makes plain data of it. `verdict.py` judges by it, and `camera_facts.py` has the figures whose words
-are in `words/camera.py`.
+makes plain data of it. `verdict.py` judges by it, and `camera_facts.py` has the key figures.
 """
 
 from cubicfish.lazy import lazy_names

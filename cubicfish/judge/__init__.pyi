@@ -2,11 +2,8 @@
 
 from cubicfish.judge.camera_facts import CameraFacts as CameraFacts
 from cubicfish.judge.codes import Severity as Severity
-from cubicfish.judge.finding import Level as Level
-from cubicfish.judge.finding import level_of as level_of
 from cubicfish.judge.fit_record import ErrorStatistics as ErrorStatistics
 from cubicfish.judge.fit_record import FitRecord as FitRecord
 from cubicfish.judge.fit_record import Origin as Origin
 from cubicfish.judge.fit_record import PhotoRecord as PhotoRecord
 from cubicfish.judge.uncertainty import FieldUncertainty as FieldUncertainty
-from cubicfish.judge.verdict import photo_verdicts as photo_verdicts

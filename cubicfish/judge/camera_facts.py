@@ -13,7 +13,7 @@ import numpy as np
 
 from cubicfish.angles import angle_from_axis
 from cubicfish.judge.fit_record import FitRecord, Origin
-from cubicfish.judge.verdict import Verdict, verdict
+from cubicfish.judge.verdict import Verdict, photo_verdicts, verdict
 from cubicfish.models.cubic import CubicCamera
 
 if TYPE_CHECKING:
@@ -101,6 +101,11 @@ class CameraFacts:
     def verdict(self) -> Verdict:
         """The verdict, with its reasons, that ``cubicfish calibrate`` prints."""
         return verdict(self.fit, self.camera.image_size, self.camera.outline())
+
+    @cached_property
+    def photo_verdicts(self) -> list[Verdict]:
+        """The verdict on each photo of the fit."""
+        return photo_verdicts(self.fit, self.camera.image_size)
 
     @property
     def line(self) -> str:

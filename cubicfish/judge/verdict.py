@@ -81,7 +81,7 @@ class Verdict:
     """
 
     level: Level
-    figures: str
+    figures: str = ""
     reasons: tuple[Finding, ...]
 
     @property
@@ -157,8 +157,8 @@ def evaluation_verdict(
     return Verdict(level=level_of(reasons), figures=stated, reasons=tuple(reasons))
 
 
-def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[tuple[Finding, ...]]:
-    """The findings about each photo: its errors, by themselves and beside those of the others."""
+def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[Verdict]:
+    """The verdict on each photo: its errors, by themselves and beside those of the others."""
     photos = fit.per_image
     most = _ERROR_PX[1] * of_size(image_size)
     errors = [photo.rms_px for photo in photos]
@@ -176,7 +176,7 @@ def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[tuple[Fi
         own += _report(Severity.CARE if out else None, Code.OUTLIERS, dropped=out)
         few = photo.corners < _FEW_CORNERS_IN_PHOTO
         own += _report(Severity.CARE if few else None, Code.FEW_CORNERS, "photo")
-        verdicts.append(tuple(own))
+        verdicts.append(Verdict(level=level_of(own), reasons=tuple(own)))
     return verdicts
 
 

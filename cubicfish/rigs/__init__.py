@@ -12,7 +12,7 @@ lenses held, then all at once (`joint_fit.py`). `fitted_rig.py` makes the record
 judges a place and its lens's own turn together, by noise and by shots that are left out; `start.py`
 refuses exchanged cameras, `faults.py` says what else is wrong; `times.py` fits by the flow of
 corners when each photo was taken, where cameras run free. `stereo.py` turns two cameras so that
-rows agree.
+rows agree, `panorama.py` asks all cameras as one and blends them.
 """
 
 from cubicfish.lazy import lazy_names

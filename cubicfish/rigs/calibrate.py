@@ -20,7 +20,7 @@ from cubicfish.rigs.faults import Moved, RigEvidence, moved_camera
 from cubicfish.rigs.fitted_rig import rig_of
 from cubicfish.rigs.joint_fit import RigProblem, fit_jointly
 from cubicfish.rigs.names import with_agreeing_names
-from cubicfish.rigs.rig import Rig, refuse_name
+from cubicfish.rigs.rig import Rig, RigCamera
 from cubicfish.rigs.shots import Matching, Times
 from cubicfish.rigs.start import RigStart, connected, refuse_exchanged, start_rig
 from cubicfish.rigs.times import CornerMotion, Motion
@@ -57,7 +57,8 @@ def calibrate_rig(
     Args:
         cameras: by name, what :func:`detect` found in each one's photos, named corners, or pairs.
             The first camera's frame is the rig's.
-        target: the calibration target; pairs need none.
+        target: the calibration target that corners are of, where they do not bring it; pairs have
+            none.
         shots: which photos are of one shot: those of the same ``name`` (without folder and
             ending), those of one ``time``, or rows (shot, camera, photo).
         tolerance: how far apart photos of one time may be, seconds; by default 5 ms.
@@ -82,8 +83,8 @@ def calibrate_rig(
     """
     names, known = list(cameras), known or {}
     for name in names:
-        refuse_name(name, "camera", FitError)
-    seen, matched = observed_shots(cameras, target, shots, tolerance, times)
+        RigCamera.refuse_name(name, "camera", FitError)
+    seen, target, matched = observed_shots(cameras, target, shots, tolerance, times)
     if len(names) < 2:
         raise FitError("a rig has two cameras or more: calibrate a single one with 'calibrate'")
     refuse_exchanged(seen, {name: known[name] for name in names if name in known})

@@ -82,7 +82,7 @@ def evaluate_rig(
     Args:
         rig: as ``load_rig`` or ``calibrate_rig`` gives it.
         cameras: by the rig's names, as for :func:`calibrate_rig`.
-        target: the calibration target, in the rig's units; pairs need none.
+        target: as for :func:`calibrate_rig`, in the rig's units.
         shots: as for :func:`calibrate_rig`.
         tolerance: likewise.
         times: likewise.
@@ -95,12 +95,12 @@ def evaluate_rig(
 
     """
     known = [rig.camera(name) for name in cameras]
+    seen, target, matched = observed_shots(cameras, target, shots, tolerance, times)
     if target is not None and rig.units is not None and target.units != rig.units:
         raise FitError(
             f"the rig's lengths are in {rig.units} and the target's in {target.units}: write the "
             "target in the rig's units"
         )
-    seen, matched = observed_shots(cameras, target, shots, tolerance, times)
     alone = []
     for camera, own, listed in zip(known, seen.values(), matched.photos, strict=True):
         rows = np.array([name in listed for name in own.images])[own.image]
@@ -111,9 +111,8 @@ def evaluate_rig(
     )
     lenses = [FixedLens(camera=camera.camera) for camera in known]
     views = JoinedViews.of_cameras(lenses, alone, matched, places)
-    of = next(iter(seen.values())).target
-    if of is not None:
-        views = with_agreeing_names(views, of, 1.0, known=True)
+    if target is not None:
+        views = with_agreeing_names(views, target, 1.0, known=True)
     motion = Motion.of_shots(list(cameras), matched, times)
     fit, _ = fit_places(views, place_shots(views)[0], views.pairs, motion, _LAST_DECREASE)
     fit = fit.again(views.pairs, relative_decrease=_LAST_DECREASE)

@@ -197,6 +197,26 @@ class RigCamera(Calibrated):
         own = rays[sees(self.camera, rays)]
         return bool(sees(other.camera, own @ self.rotation @ other.rotation.T).any())
 
+    @staticmethod
+    def refuse_name(name: object, what: str, error: type[CubicfishError]) -> None:
+        """Refuse a name of a camera that cannot be that of a folder or a file.
+
+        Raises:
+            CubicfishError: it cannot; of the class ``error``, with ``what`` it is the name of.
+
+        """
+        if (
+            not isinstance(name, str)
+            or name.strip() in ("", ".", "..")
+            or len(name) > _MAX_NAME
+            or not name.isprintable()
+            or set(name) & {"/", "\\"}
+        ):
+            raise error(
+                f"{what} {quoted(str(name))}: a name must be text of 1 to {_MAX_NAME} letters "
+                "without / and \\ and line breaks, since files are called after it"
+            )
+
     def place_record(self) -> dict[str, Any]:
         """Plain data: what rig.yaml has of the camera."""
         return {
@@ -297,26 +317,6 @@ class Rig:
         return texts
 
 
-def refuse_name(name: object, what: str, error: type[CubicfishError]) -> None:
-    """Refuse a name of a camera that cannot be that of a folder or a file.
-
-    Raises:
-        CubicfishError: it cannot; of the class ``error``, with ``what`` it is the name of.
-
-    """
-    if (
-        not isinstance(name, str)
-        or name.strip() in ("", ".", "..")
-        or len(name) > _MAX_NAME
-        or not name.isprintable()
-        or set(name) & {"/", "\\"}
-    ):
-        raise error(
-            f"{what} {quoted(str(name))}: a name must be text of 1 to {_MAX_NAME} letters without "
-            "/ and \\ and line breaks, since files are called after it"
-        )
-
-
 def save_rig(
     folder: str | os.PathLike[str],
     rig: Rig,
@@ -413,7 +413,7 @@ def _read_camera(path: Path, given: Any, where: str) -> RigCamera:
     record = mapping(path, given, where)
     refuse_unknown(path, record, _CAMERA_KEYS)
     keys, own = Keys(path, record, f"{where}."), record.get("camera")
-    refuse_name(record.get("name"), f"{path}: {where}.name", CameraFileError)
+    RigCamera.refuse_name(record.get("name"), f"{path}: {where}.name", CameraFileError)
     if not isinstance(own, str) or os.path.isabs(own) or ".." in Path(own).parts:
         keys.refuse(f"{where}.camera must be a file in the rig's folder or below it")
     place = keys.inner("camera_from_rig")

@@ -6,9 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
-from cubicfish.errors import CorrespondenceError, FitError
+from cubicfish.errors import FitError
 from cubicfish.files.frame_names import FrameName
-from cubicfish.files.tables import Table
 from cubicfish.wording import quoted
 
 TOLERANCE = 5e-3
@@ -62,42 +61,6 @@ def match_shots(
     return shots_of_table(photos, shots)
 
 
-def load_shots(path: Path) -> list[Row]:
-    """Which photos are of one shot, by a table: rows for :func:`calibrate_rig`.
-
-    Args:
-        path: a CSV file with the columns ``shot,camera,image``.
-
-    Raises:
-        CorrespondenceError: it is none.
-
-    """
-    names = ("shot", "camera", "image")
-    columns = Table.read(path, required=names, optional=(), error=CorrespondenceError).columns
-    return list(zip(*(columns[name] for name in names), strict=True))
-
-
-def load_times(path: Path, cameras: Sequence[str]) -> Times:
-    """When photos were taken, by a table with the columns ``camera,image,seconds``.
-
-    Raises:
-        CorrespondenceError: it is none, or names none of the cameras.
-
-    """
-    names = ("camera", "image", "seconds")
-    table = Table.read(path, required=names, optional=(), error=CorrespondenceError)
-    rows = zip(table.columns["camera"], table.columns["image"], strict=True)
-    times: dict[str, dict[str, float]] = {}
-    for (camera, image), time in zip(rows, table.floats("seconds").tolist(), strict=True):
-        times.setdefault(camera, {})[image] = time
-    if not set(times) & set(cameras):
-        raise CorrespondenceError(
-            f"{path} has times of {', '.join(map(quoted, sorted(times)[:5]))} and of none of the "
-            f"cameras {', '.join(cameras)}: write their names into its column camera"
-        )
-    return times
-
-
 def shots_by_name(photos: Mapping[str, Sequence[str]]) -> Shots:
     """Photos (by camera) of the same name, whatever their folder and kind of file, are one shot.
 
@@ -117,13 +80,17 @@ def shots_by_name(photos: Mapping[str, Sequence[str]]) -> Shots:
             if seen.setdefault(stem, name) != name:
                 raise FitError(
                     f"camera {camera}: {quoted(seen[stem])} and {quoted(name)} would be of one "
-                    "shot: give each photo of a camera a name of its own, or list the shots with "
-                    "--shots"
+                    "shot",
+                    do="give each photo of a camera a name of its own, or list the shots with "
+                    "{shots}",
+                    arguments={"shots": "shots"},
                 )
     if not _is_any_shared(stems):
         raise FitError(
             f"no photo of {next(iter(photos))} is called as one of another camera, so no two "
-            "cameras share a shot: call the photos of a shot alike, or list them with --shots"
+            "cameras share a shot",
+            do="call the photos of a shot alike, or list them with {shots}",
+            arguments={"shots": "shots"},
         )
     return _number_shots(
         dict(zip(*pair, strict=True)) for pair in zip(photos.values(), stems, strict=True)
@@ -173,8 +140,9 @@ def shots_by_time(
         found[camera][name] = begin
     if most < 2:
         raise FitError(
-            f"no two cameras have photos within {1e3 * tolerance:g} ms: check that their times are "
-            "of one clock, or say a larger --tolerance"
+            f"no two cameras have photos within {1e3 * tolerance:g} ms",
+            do="check that their times are of one clock, or say a larger {tolerance}",
+            arguments={"tolerance": "tolerance"},
         )
     return _number_shots({name: f"{key:020.6f}" for name, key in own.items()} for own in found)
 
@@ -182,8 +150,9 @@ def shots_by_time(
 def _refuse_timeless(camera: str, name: str, time: float | None) -> float:
     if time is None:
         raise FitError(
-            f"camera {camera}: {quoted(name)} has no time in its name: list the shots with "
-            "--shots, or leave --tolerance out"
+            f"camera {camera}: {quoted(name)} has no time in its name",
+            do="list the shots with {shots}, or leave {tolerance} out",
+            arguments={"shots": "shots", "tolerance": "tolerance"},
         )
     return time
 

@@ -27,19 +27,27 @@ def observed_shots(
     shots: Matching,
     tolerance: float | None,
     times: Times | None,
-) -> tuple[dict[str, Observations], Shots]:
+) -> tuple[dict[str, Observations], Target | None, Shots]:
     """What each camera saw, checked, and which of their photos are of one shot.
 
     The arguments are those of :func:`calibrate_rig`.
+
+    Returns:
+        Corners or pairs by camera, the target that all are of, which the first may bring, and the
+        shots.
 
     Raises:
         CorrespondenceError: corners come without their target, or do not fit it.
         FitError: no two cameras share a shot.
 
     """
-    seen = {name: observed(own, target) for name, own in cameras.items()}
+    seen: dict[str, Observations] = {}
+    for name, own in cameras.items():
+        seen[name] = observed(own, target)
+        if len(seen) == 1:
+            target = seen[name].target
     photos = {name: own.images for name, own in seen.items()}
-    return seen, match_shots(photos, shots, tolerance, times)
+    return seen, target, match_shots(photos, shots, tolerance, times)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -18,6 +18,7 @@ from cubicfish.judge.fit_record import FitRecord
 from cubicfish.judge.uncertainty import FieldUncertainty, of_size
 from cubicfish.judge.verdict import COVERAGE, FEW_OF_A_PLANE, FEW_PHOTOS, Verdict
 from cubicfish.models.cubic import CubicCamera
+from cubicfish.models.point import PointCamera
 from cubicfish.target.observations import Observations
 from cubicfish.types import FloatArray, IntArray
 
@@ -75,15 +76,17 @@ class CoverageGaps:
     cells: FieldCells
 
     @classmethod
-    def of(cls, camera: CubicCamera, pairs: Observations) -> CoverageGaps:
+    def of(cls, camera: CubicCamera | PointCamera, pairs: Observations) -> CoverageGaps:
         """Look for parts of the field without corners: of the middle, and of two rings around it.
 
         Args:
-            camera: the camera.
+            camera: the camera; no parts are known of one without rays.
             pairs: the corners that it was fitted to.
 
         """
         cells = FieldCells.of(camera, pairs.pixel)
+        if not isinstance(camera, CubicCamera):
+            return cls(parts=(), cells=cells)
         row, column = np.nonzero(cells.field)
         rays = camera.unproject((np.stack([column, row], axis=-1) + 0.5) * cells.cell - 0.5)
         seen = np.isfinite(rays[:, 0])
@@ -127,41 +130,50 @@ class Goal:
         p95_px: the uncertainty to aim at over 95 % of the field, pixels.
         photos: how many photos at least.
         coverage: the share of the field that corners cover at least.
+        is_asked: whether more uncertainty than that is not enough, whatever the verdict.
 
     """
 
     p95_px: float
     photos: int
     coverage: float
+    is_asked: bool = False
 
     @classmethod
-    def of(cls, fit: FitRecord, image_size: tuple[int, int]) -> Goal:
-        """Return what photos of a size need, by the record of a fit to some of them."""
-        photos = FEW_OF_A_PLANE[0] if fit.flat else FEW_PHOTOS
-        return cls(p95_px=default_goal(image_size), photos=photos, coverage=COVERAGE[0])
+    def of(cls, fit: FitRecord, image_size: tuple[int, int], asked_px: float | None = None) -> Goal:
+        """Return what photos of a size need, by the record of a fit to some of them.
+
+        Args:
+            fit: the record.
+            image_size: (width, height), pixels.
+            asked_px: the uncertainty that somebody asks for, pixels; None for what is usual.
+
+        """
+        return cls(
+            p95_px=asked_px or default_goal(image_size),
+            photos=FEW_OF_A_PLANE[0] if fit.flat else FEW_PHOTOS,
+            coverage=COVERAGE[0],
+            is_asked=asked_px is not None,
+        )
+
+    def explain_unmet(self, judged: Verdict, now: FieldUncertainty | None = None) -> list[Finding]:
+        """Return why photos so far are not enough; an empty list if they are.
+
+        Args:
+            judged: the camera's verdict.
+            now: its uncertainty over the field, if known.
+
+        """
+        reasons = [one for one in judged.reasons if one.asks_for_photos]
+        if judged.level == "bad" and judged.reasons[0] not in reasons:
+            first = {"reason": judged.reasons[0]}
+            reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=first))
+        if self.is_asked and now is not None and now.p95_px > self.p95_px:
+            figures = {"p95_px": now.p95_px, "goal_px": self.p95_px}
+            reasons.append(Finding(code=Code.NOT_CERTAIN, severity=Severity.CARE, figures=figures))
+        return reasons
 
 
 def default_goal(image_size: tuple[int, int]) -> float:
     """Return the uncertainty to aim at by default, pixels."""
     return GOAL_PX * of_size(image_size)
-
-
-def explain_insufficiency(
-    judged: Verdict, now: FieldUncertainty | None = None, goal: float | None = None
-) -> list[Finding]:
-    """Return why photos so far are not enough; an empty list if they are.
-
-    Args:
-        judged: the camera's verdict.
-        now: its uncertainty over the field, if known.
-        goal: the uncertainty wanted over 95 % of the field, pixels; None for no wish.
-
-    """
-    reasons = [one for one in judged.reasons if one.asks_for_photos]
-    if judged.level == "bad" and judged.reasons[0] not in reasons:
-        first = {"reason": judged.reasons[0]}
-        reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=first))
-    if goal is not None and now is not None and now.p95_px > goal:
-        figures = {"p95_px": now.p95_px, "goal_px": goal}
-        reasons.append(Finding(code=Code.NOT_CERTAIN, severity=Severity.CARE, figures=figures))
-    return reasons

@@ -151,7 +151,9 @@ def by_processes(
             ) from error
         raise DetectionError(
             "a process that looked for corners was ended from outside, as happens when memory "
-            "runs out: try again with --jobs 1"
+            "runs out",
+            do="try again with {jobs}",
+            arguments={"jobs": "jobs=1"},
         ) from error
     finally:
         pool.shutdown(cancel_futures=True)

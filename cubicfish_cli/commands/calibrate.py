@@ -43,6 +43,7 @@ from cubicfish_cli.terminal.terminal import (
     detail,
     print_message,
     print_next,
+    print_removed,
     print_wrote,
     result,
 )
@@ -377,8 +378,7 @@ def command(made: CalibratedFiles, given: CalibrateOptions, how: How) -> None:
         apart()
         result(fitted.line, mark=(fitted.verdict.words, fitted.verdict.level))
         _print_calibration(made)
-    for path in made.removed:
-        print_message(f"removed {path}, which was of an earlier calibration")
+    print_removed(made.removed)
     _report_missing_page(made.files, wanted=given.report)
     figures.enforce_max_rms(fitted.fit.rms_px, how.max_rms)
 
@@ -415,7 +415,7 @@ def _print_calibration(made: CalibratedFiles) -> None:
     lost = dict.fromkeys(fitted.unfit, "left out")  # stderr has the reasons
     lost |= figures.why_lost(detection)
     by_board = figures.corners_by_board(fitted.pairs)
-    rows = figures.fitted_rows(fit, fitted.camera.image_size, by_board, lost)
+    rows = figures.fitted_rows(fitted, by_board, lost)
     everything = str(made.files["camera"])
     figures.print_photo_table(rows, fitted.pairs.boards, everything=everything, apart=True)
     result()

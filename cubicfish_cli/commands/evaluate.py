@@ -160,13 +160,14 @@ def report_unplaced(photos: Sequence[str], of: str = "") -> None:
 
 
 def _print(made: EvaluatedFiles) -> None:
-    from cubicfish.judge import FitRecord
+    from cubicfish.judge import CameraFacts, FitRecord
 
     known, pairs = made.evaluation, made.inputs.pairs
     lost = dict.fromkeys(known.unplaced, "too few corners")
     lost |= figures.why_lost(made.inputs.detection)
     by_board = figures.corners_by_board(known.pairs)
-    rows = figures.fitted_rows(FitRecord(per_image=known.photos), pairs.image_size, by_board, lost)
+    seen = CameraFacts(camera=made.camera, fit=FitRecord(per_image=known.photos))
+    rows = figures.fitted_rows(seen, by_board, lost)
     figures.print_photo_table(rows, pairs.boards)
     photos = plural(len(known.pairs.images), "photo")
     result(f"\n{photos}, {plural(known.errors.corners, 'corner')}\n")

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish import CubicfishError, Listener, Run, UsageError, ViewError, shown
-from cubicfish.files import Content, write_files
+from cubicfish.files import Content
 from cubicfish.photos.photos import SUFFIXES, VIDEO_SUFFIXES
 from cubicfish.views import ChosenView
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.undistortion.batch import Job, Views, write_many
-from cubicfish_cli.undistortion.images import check_suffix, part_name
+from cubicfish_cli.undistortion.images import check_suffix
 from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
@@ -90,16 +90,18 @@ class PicturePlan:
         kind: the kind of source, in a word.
         jobs: the sources to render, and the files of their results.
         skipped: those that are left out since their results exist.
+        beside: the masks and the virtual cameras to write.
         options: how they are rendered.
-        run: how the work is done.
+        register: what is read and written.
 
     """
 
     kind: str
     jobs: Sequence[Job]
     skipped: Sequence[Job]
+    beside: Sequence[Path]
     options: PictureOptions
-    run: Run
+    register: Plan
 
 
 def plan_pictures(
@@ -107,7 +109,6 @@ def plan_pictures(
     sources: Mapping[str, tuple[str, Mapping[str, Path]]],
     output: Path,
     options: PictureOptions,
-    run: Run,
     register: Plan,
     *,
     alone: bool,
@@ -119,41 +120,46 @@ def plan_pictures(
         sources: name -> the name of the result in a folder, and photos.
         output: a folder; for one source that is named ``alone`` also a name for its result.
         options: how they are rendered.
-        run: how the work is done.
         register: what is read beside the sources; what is written is added.
         alone: whether there is one source, named by itself.
 
     Raises:
         UsageError: ``output`` does not suit them, or the options do not go together.
-        OutputError: a source would be replaced by its own result, or a result cannot be written,
-            or exists and may be neither replaced nor skipped.
+        OutputError: an input would be replaced by a result, or a result cannot be written, or
+            exists and may be neither replaced nor skipped.
 
     """
-    if options.skip_existing and run.overwrite:
-        raise UsageError("--skip-existing and --overwrite exclude each other")
     to_folder = _is_folder(output, "" if alone else plural(len(sources), kind))
-    if kind == "video" and not to_folder and output.suffix.lower() not in VIDEO_SUFFIXES:
-        raise UsageError(
-            f"{shown(output)} is no video: name a video such as {shown(output.with_suffix('.mp4'))}"
-        )
     jobs = []
     for name, (result, photos) in sources.items():
         path = output / result if to_folder else output
-        outputs = {part: part_name(path, part) for part in options.parts}
-        jobs.append(Job(name=name, photos=photos, outputs=outputs))
-    register.reads(*(job.photos for job in jobs)).writes(*options.files_beside())
+        jobs.append(Job(name=name, photos=photos, outputs=options.results(path)))
     results = [path for job in jobs for path in job.outputs.values()]
+    register.reads(*(job.photos for job in jobs))
+    beside = register.writes(*options.files_beside())
     lacking = {*register.writes(*results, within=output if to_folder else None)}
-    options.refuse_unused(kind, {path.suffix for job in jobs for path in job.outputs.values()})
-    left: list[Job] = []
-    skipped: list[Job] = []
-    for job in jobs:
-        # A run that was killed may have left some of a cube's pictures.
-        own = {part: path for part, path in job.outputs.items() if path in lacking}
-        for path in own.values() if kind != "video" else ():
-            check_suffix(path)
-        (left if own else skipped).append(replace(job, outputs=own or job.outputs))
-    return PicturePlan(kind=kind, jobs=left, skipped=skipped, options=options, run=run)
+    options.refuse_unused(kind, {path.suffix for path in results})
+    for path in lacking:
+        _check_suffix(path, kind)
+    # A run that was killed may have left some of a cube's pictures.
+    left = [job.lacking(lacking) for job in jobs]
+    return PicturePlan(
+        kind=kind,
+        jobs=[job for job in left if job.outputs],
+        skipped=[job for job, own in zip(jobs, left, strict=True) if not own.outputs],
+        beside=beside,
+        options=options,
+        register=register,
+    )
+
+
+def _check_suffix(path: Path, kind: str) -> None:
+    if kind != "video":
+        check_suffix(path)
+    elif path.suffix.lower() not in VIDEO_SUFFIXES:
+        raise UsageError(
+            f"{shown(path)} is no video: name a video such as {shown(path.with_suffix('.mp4'))}"
+        )
 
 
 def _is_folder(output: Path, several: str) -> bool:
@@ -177,40 +183,26 @@ def _is_folder(output: Path, several: str) -> bool:
     return True
 
 
-def write_pictures(plan: PicturePlan, views: Views, *, model: Path | None) -> UndistortedFiles:
+def write_pictures(
+    plan: PicturePlan, views: Views, run: Run, *, model: Path | None
+) -> UndistortedFiles:
     """Render what was planned, and write masks and cameras beside it.
 
     Args:
         plan: the sources, and the files of their results.
         views: the view of each.
+        run: how the work is done.
         model: the file of the camera or rig, for the record.
 
     Raises:
-        OutputError: a file beside the results exists, and it may be neither replaced nor skipped.
+        OutputError: a file beside the results cannot be written.
         ViewError: a mask or a camera would be another one for each photo.
 
     """
-    options, run, sources = plan.options, plan.run, [*plan.jobs, *plan.skipped]
-    files: dict[Path, Content] = {}
-    if (options.mask is not None or options.virtual_camera is not None) and sources:
-        first, *others = (views.chosen_of(job) for job in sources)
-        if any(one is not first for one in others):
-            raise ViewError(
-                "these photos have a mask and a virtual camera each, since their sizes or planes "
-                "differ: do them one at a time"
-            )
-        from cubicfish_cli.undistortion.map_formats import view_files
-
-        source = sources[0].source
-        maps = views.maps(source, views.size_of(source))
-        mask, virtual_camera = path_or_none(options.mask), path_or_none(options.virtual_camera)
-        files = view_files(maps, mask=mask, beside=virtual_camera)
-        if options.skip_existing:
-            files = {path: content for path, content in files.items() if not path.is_file()}
-    extras = write_files(files, overwrite=run.overwrite)
+    extras = plan.register.write(_draw_beside(plan, views)) if plan.beside else []
     if plan.kind == "video":  # one after the other, and each reports its own progress
         run = replace(run, jobs=1, listener=Listener())
-    failures = write_many(plan.jobs, views.writer(options.quality), run)
+    failures = write_many(plan.jobs, views.writer(plan.options.quality), run)
     done = [job for job in plan.jobs if job.name not in failures]
     return UndistortedFiles(
         kind=plan.kind,
@@ -221,3 +213,21 @@ def write_pictures(plan: PicturePlan, views: Views, *, model: Path | None) -> Un
         view=views.chosen_of(done[0]) if done else None,
         extras=extras,
     )
+
+
+def _draw_beside(plan: PicturePlan, views: Views) -> dict[Path, Content]:
+    """Return the masks and the cameras that are to be written, of the one view of all sources."""
+    from cubicfish_cli.undistortion.map_formats import view_files
+
+    sources = [*plan.jobs, *plan.skipped]
+    first, *others = (views.chosen_of(job) for job in sources)
+    if any(one is not first for one in others):
+        raise ViewError(
+            "these photos have a mask and a virtual camera each, since their sizes or planes "
+            "differ: do them one at a time"
+        )
+    source = sources[0].source
+    maps = views.maps(source, views.size_of(source))
+    mask, camera = map(path_or_none, (plan.options.mask, plan.options.virtual_camera))
+    files = view_files(maps, mask=mask, beside=camera)
+    return {path: files[path] for path in plan.beside}

@@ -6,7 +6,7 @@ import io
 import re
 import sys
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -72,39 +72,22 @@ def read_points(path: Path, columns: Sequence[str]) -> Points:
         if row is None or len(row) != len(columns):
             raise CorrespondenceError(f"{name} is no point: write {','.join(columns)}")
         return Points(values=np.array([row]), has_header=False)
-    if name == "stdin":
-        raw = b"" if sys.stdin is None else sys.stdin.buffer.read(MAX_BYTES + 1)
-        if len(raw) > MAX_BYTES:
-            raise CorrespondenceError(
-                f"stdin gave more than {MAX_BYTES / 1e6:g} MB: give it in parts"
-            )
-    else:
-        raw = read_bytes(path, max_bytes=MAX_BYTES, error=CorrespondenceError)
     has_header = False
     numbers = array("d")
-    lines = io.TextIOWrapper(io.BytesIO(raw), encoding="utf-8-sig")
-    try:
-        for number, line in enumerate(iter(lambda: lines.readline(LONGEST_LINE), ""), start=1):
-            if len(line) == LONGEST_LINE:
-                raise CorrespondenceError(f"{name}, line {number}: too long: is it the right file?")
-            if not line.strip() or line.startswith("#"):
-                continue
-            row = _read_numbers(line)
-            if row is None and (numbers or has_header):
-                raise CorrespondenceError(
-                    f"{name}, line {number}: {quoted(line.rstrip())} does not hold numbers only"
-                )
-            if row is None:
-                has_header = True
-            elif len(row) != len(columns):
-                raise CorrespondenceError(
-                    f"{name}, line {number}: {len(row)} numbers where {len(columns)} belong: "
-                    + ", ".join(columns)
-                )
-            else:
-                numbers.extend(row)
-    except UnicodeDecodeError as error:
-        raise CorrespondenceError(f"{name} is not UTF-8 text: is it the right file?") from error
+    for where, line in _read_lines(path, name):
+        row = _read_numbers(line)
+        if row is None and (numbers or has_header):
+            raise CorrespondenceError(
+                f"{where}: {quoted(line.rstrip())} does not hold numbers only"
+            )
+        if row is None:
+            has_header = True
+        elif len(row) != len(columns):
+            raise CorrespondenceError(
+                f"{where}: {len(row)} numbers where {len(columns)} belong: {', '.join(columns)}"
+            )
+        else:
+            numbers.extend(row)
     if not numbers and not has_header:
         nothing = f"{name} holds no points: give {','.join(columns)} a line"
         if name != "stdin":
@@ -112,6 +95,29 @@ def read_points(path: Path, columns: Sequence[str]) -> Points:
         print_message(f"note: {nothing}")  # no error: a step of a pipe may have found none
     values = np.array(numbers, float).reshape(-1, len(columns))
     return Points(values=values, has_header=has_header)
+
+
+def _read_lines(path: Path, name: str) -> Iterator[tuple[str, str]]:
+    """Yield where each line that says something stands, and the line."""
+    lines = io.TextIOWrapper(io.BytesIO(_read_bytes(path)), encoding="utf-8-sig")
+    try:
+        for number, line in enumerate(iter(lambda: lines.readline(LONGEST_LINE), ""), start=1):
+            if len(line) == LONGEST_LINE:
+                raise CorrespondenceError(f"{name}, line {number}: too long: is it the right file?")
+            if line.strip() and not line.startswith("#"):
+                yield f"{name}, line {number}", line
+    except UnicodeDecodeError as error:
+        raise CorrespondenceError(f"{name} is not UTF-8 text: is it the right file?") from error
+
+
+def _read_bytes(path: Path) -> bytes:
+    """Read a file, or stdin for ``-``."""
+    if str(path) != "-":
+        return read_bytes(path, max_bytes=MAX_BYTES, error=CorrespondenceError)
+    raw = b"" if sys.stdin is None else sys.stdin.buffer.read(MAX_BYTES + 1)
+    if len(raw) > MAX_BYTES:
+        raise CorrespondenceError(f"stdin gave more than {MAX_BYTES / 1e6:g} MB: give it in parts")
+    return raw
 
 
 def _read_numbers(line: str) -> list[float] | None:

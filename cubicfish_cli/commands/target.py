@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,10 +35,6 @@ if TYPE_CHECKING:
     from cubicfish.target import Board
 
 _LABEL = 12
-# More examples than this are not read.
-_MOST = 4
-# Sides of squares that people photograph.
-_FINEST_MM, _LARGEST_MM = 0.2, 2000.0
 _FACTS = ("corners", "planes", "flat", "named_by", "ambiguous", "look_alikes", "crossing")
 
 
@@ -100,9 +96,10 @@ def check_target(target: Target) -> TargetCheck:
 
     """
     from cubicfish.diagnosis import check_object
+    from cubicfish_cli.words.target import advise
 
     facts = check_object(target)
-    return TargetCheck(target=target, facts=facts, advice=_advise(target, facts))
+    return TargetCheck(target=target, facts=facts, advice=advise(target, facts))
 
 
 def print_size(board: Board) -> list[float]:
@@ -132,68 +129,6 @@ def _record_turn(turn: Turn) -> dict[str, Any]:
         "axis": turn.axis,
         "onto": dict(zip(turn.boards, turn.onto, strict=True)),
     }
-
-
-def _advise(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
-    """Return (topic, text) of each piece of advice, in order."""
-    photos = "several" if facts.flat else "one"
-    return [
-        ("Photos", _write_check(f"photos_{photos}")),
-        *(("Names", text) for text in _advise_on_names(target, facts)),
-        *(("Places", _write_check("crossing", one=a, other=b)) for a, b in facts.crossing[:_MOST]),
-        *(("Sizes", text) for text in _advise_on_sizes(target)),
-    ]
-
-
-def _write_check(key: str, **figures: Any) -> str:
-    from cubicfish_cli.words.catalogue import catalogue
-    from cubicfish_cli.words.phrases import Sentences
-
-    return Sentences().vformat(catalogue().checks[key], (), figures)
-
-
-def _advise_on_names(target: Target, facts: ObjectFacts) -> Iterator[str]:
-    plain, alone = facts.plain, len(facts.plain) == 1
-    if facts.named_by != "geometry":
-        yield _write_check(f"by_{facts.named_by}")
-        if plain and facts.named_by == "markers":
-            yield _write_check("without_markers", boards=", ".join(plain), count=len(plain))
-        return
-    more = len(facts.symmetries) - _MOST
-    for turn in facts.symmetries[:_MOST]:
-        yield _write_check("same", turned=_describe_turn(turn, alone=alone), alone=alone)
-    if more > 0:
-        yield _write_check("same_more", more=more)
-    oblong = any(board.has_squares and board.columns != board.rows for board in target.boards)
-    if facts.symmetries:
-        yield _write_check("upright", oblong=alone and oblong)
-    elif alone:
-        yield _write_check("by_colours", board=plain[0])
-    if not alone:
-        groups = [_write_check("group", boards=own) for own in facts.look_alikes if len(own) > 1]
-        turned = [own[0] for own in facts.look_alikes if len(own) == 1]
-        alike = "; ".join([*groups, *([_write_check("itself", boards=turned)] if turned else [])])
-        yield _write_check("alike", alike=alike) if alike else _write_check("told_each")
-
-
-def _advise_on_sizes(target: Target) -> Iterator[str]:
-    """Doubt lengths that look like those of another unit."""
-    from cubicfish.target import MILLIMETRES
-
-    factor = MILLIMETRES.get(target.units.lower(), 0.0)
-    for board in target.boards:
-        side = factor * board.square
-        if side and not _FINEST_MM <= side <= _LARGEST_MM:
-            figures = {"square": board.square, "units": target.units}
-            yield _write_check("odd_unit", board=board.name, is_small=side < _FINEST_MM, **figures)
-
-
-def _describe_turn(turn: Turn, *, alone: bool) -> str:
-    if alone:
-        return _write_check("turned_alone", angle_deg=turn.angle_deg, board=turn.boards[0])
-    axis = ", ".join(f"{round(float(value), 2) + 0.0:g}" for value in turn.axis)
-    moved = ", ".join(f"{a} → {b}" for a, b in zip(turn.boards, turn.onto, strict=True))
-    return _write_check("turned", angle_deg=turn.angle_deg, axis=axis, moved=moved)
 
 
 def check_target_files(options: CheckOptions, *, run: Run = Run()) -> TargetCheck:

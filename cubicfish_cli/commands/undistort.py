@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Collection, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -18,7 +19,7 @@ from cubicfish_cli.commands.view_options import (
     view_options,
     view_or_plane_options,
 )
-from cubicfish_cli.inputs.paths import in_folder, named_photos, path_or_none, paths_of
+from cubicfish_cli.inputs.paths import in_folder, named_photos, paths_of
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record
@@ -82,13 +83,19 @@ class PictureOptions:
 
     def files_beside(self) -> list[Path]:
         """The masks and the virtual cameras that are asked for."""
-        from cubicfish_cli.undistortion.images import part_name
         from cubicfish_cli.undistortion.map_formats import camera_path
 
-        mask, camera = path_or_none(self.mask), path_or_none(self.virtual_camera)
-        masks = [part_name(mask, part) for part in self.parts] if mask is not None else []
-        cameras = [camera_path(camera, part) for part in self.parts] if camera is not None else []
-        return masks + cameras
+        files = [] if self.mask is None else [*self.results(Path(self.mask)).values()]
+        if self.virtual_camera is not None:
+            camera = Path(self.virtual_camera)
+            files += [camera_path(camera, part) for part in self.parts]
+        return files
+
+    def results(self, path: Path) -> dict[str, Path]:
+        """The file of each part of the view, by the name of the whole."""
+        from cubicfish_cli.undistortion.images import part_name
+
+        return {part: part_name(path, part) for part in self.parts}
 
     def refuse_unused(self, kind: str, suffixes: Collection[str]) -> None:
         """Refuse options that have no effect on such sources and results.
@@ -149,6 +156,12 @@ class UndistortOptions(PictureOptions):
         click.IntRange(0, 63),
     )
 
+    def refuse_unused(self, kind: str, suffixes: Collection[str]) -> None:
+        """Refuse also the quality of videos for photos."""
+        if kind == "photo" and self.crf is not None:
+            raise UsageError("--crf goes with videos: leave it out, or give JPEG files --quality")
+        super().refuse_unused(kind, suffixes)
+
 
 def undistort_files(options: UndistortOptions, *, run: Run = Run()) -> UndistortedFiles:
     """Undistort photos or videos in files, as ``cubicfish undistort`` does.
@@ -168,46 +181,24 @@ def undistort_files(options: UndistortOptions, *, run: Run = Run()) -> Undistort
         CubicfishError: the camera, the target or the executor cannot be used.
 
     """
-    from cubicfish import CubicCamera
-    from cubicfish.io import read_camera
     from cubicfish_cli.commands.pictures import plan_pictures, write_pictures
-    from cubicfish_cli.undistortion.batch import Views
 
     kind, sources, alone = _find_sources(named_sources(options.photos), run)
-    photos = {name: (name, {"": one}) for name, one in sources}
-    if kind == "photo" and options.crf is not None:
-        raise UsageError("--crf goes with videos: leave it out, or give JPEG files --quality")
     if kind == "video" and (run.executor is not None or run.jobs is not None):
         name = "--jobs" if run.executor is None else "--scheduler"
         raise UsageError(f"{name} is for photos: do videos without it")
-    path: Path | None = None
-    known: Any = options.camera
-    if isinstance(known, str | os.PathLike):
-        known = path = in_folder(Path(known))
-    plane = options.view if isinstance(options.view, PlaneOptions) else None
-    register = Plan(run, skip_existing=options.skip_existing).reads(path, plane and plane.target)
-    plan = plan_pictures(kind, photos, Path(options.output), options, run, register, alone=alone)
-    if isinstance(options.view, PlaneOptions):
-        from cubicfish_cli.commands.planes import PlaneViews
-
-        planes = PlaneViews(known, options.view, options.interpolation)
-        planes.find_poses([one for _, one in sources], run)
-        views: Views = planes
-    else:
-        known = read_camera(known) if isinstance(known, Path) else known
-        camera = known if isinstance(known, CubicCamera) else known.camera
-        if kind == "video":
-            from cubicfish_cli.undistortion.video import DEFAULT_CRF, VideoViews
-
-            crf = DEFAULT_CRF if options.crf is None else options.crf
-            views = VideoViews(camera, options.view, options.interpolation, crf, run.listener)
-        else:
-            views = Views(camera, options.view, options.interpolation)
-    return write_pictures(plan, views, model=path)
+    camera: Any = options.camera
+    path = in_folder(Path(camera)) if isinstance(camera, str | os.PathLike) else None
+    plane = options.view.target if isinstance(options.view, PlaneOptions) else None
+    register = Plan(run, skip_existing=options.skip_existing).reads(path, plane)
+    photos = {name: (name, {"": one}) for name, one in sources.items()}
+    plan = plan_pictures(kind, photos, Path(options.output), options, register, alone=alone)
+    views = _make_views(kind, path or camera, [*sources.values()], options, run)
+    return write_pictures(plan, views, run, model=path)
 
 
-def _find_sources(names: Sequence[str], run: Run) -> tuple[str, list[tuple[str, Path]], bool]:
-    """Find the photos or videos by their names; and tell whether one was named alone.
+def _find_sources(names: Sequence[str], run: Run) -> tuple[str, dict[str, Path], bool]:
+    """Find the photos or videos, by their names; and tell whether one was named alone.
 
     Raises:
         UsageError: photos and videos are mixed.
@@ -215,18 +206,50 @@ def _find_sources(names: Sequence[str], run: Run) -> tuple[str, list[tuple[str, 
         OutputError: two videos have one name.
 
     """
-    from cubicfish.photos.photos import VIDEO_SUFFIXES, expanded
+    from cubicfish.photos.photos import expanded
+    from cubicfish_cli.observe import is_video
 
     paths = [path for name in names for path in expanded(name)]
-    videos = [one for one in paths if one.suffix.lower() in VIDEO_SUFFIXES and not one.is_dir()]
-    if videos and len(videos) < len(paths):
+    videos = list(filter(is_video, paths))
+    if not videos:
+        kind, sources = "photo", {one.name: one.path for one in named_photos(names, run.listener)}
+    elif len(videos) < len(paths):
         raise UsageError("photos and videos together: do them one after the other")
-    sources = [(path.name, path) for path in videos]
-    sources = sources or [(one.name, one.path) for one in named_photos(names, run.listener)]
-    if len({name for name, _ in sources}) < len(sources):
-        raise OutputError("two videos have the same name: do them one at a time")
-    alone = [os.fspath(path) for _, path in sources] == list(names) and len(names) == 1
-    return "video" if videos else "photo", sources, alone
+    else:
+        kind, sources = "video", {path.name: path for path in videos}
+        if len(sources) < len(videos):
+            raise OutputError("two videos have the same name: do them one at a time")
+    alone = len(names) == 1 and [*map(os.fspath, sources.values())] == [*names]
+    return kind, sources, alone
+
+
+def _make_views(
+    kind: str,
+    given: Path | Calibration | CameraFile | CubicCamera,
+    sources: Sequence[Path],
+    options: UndistortOptions,
+    run: Run,
+) -> Views:
+    """Prepare the views of photos or videos."""
+    from cubicfish import CubicCamera
+    from cubicfish.io import read_camera
+    from cubicfish_cli.undistortion.batch import Views
+
+    how = options.interpolation
+    if isinstance(options.view, PlaneOptions):
+        from cubicfish_cli.commands.planes import PlaneViews
+
+        planes = PlaneViews(given, options.view, how)
+        planes.find_poses(sources, run)
+        return planes
+    known = read_camera(given) if isinstance(given, Path) else given
+    camera = known if isinstance(known, CubicCamera) else known.camera
+    if kind == "photo":
+        return Views(camera, options.view, how)
+    from cubicfish_cli.undistortion.video import DEFAULT_CRF, VideoViews
+
+    crf = DEFAULT_CRF if options.crf is None else options.crf
+    return VideoViews(camera, options.view, how, crf, run.listener)
 
 
 @as_command(
@@ -263,16 +286,10 @@ def print_pictures(made: UndistortedFiles, how: How) -> None:
         CubicfishError: some failed; the text says how many, and where the reasons are.
 
     """
-    number, failures = len(made.written) + len(made.failures), list(made.failures.items())
+    number, failures = len(made.written) + len(made.failures), made.failures
     if not how.print(made):
-        if failures and number > 1:
-            from cubicfish_cli.words.sentences import render_error
-
-            for name, error in failures[:_FEW]:
-                shot = f"shot {name}: " if made.kind == "shot" else ""
-                print_always(f"failed: {shot}{render_error(error)}")
-        if len(failures) > _FEW:
-            print_always(f"and {len(failures) - _FEW:,} more, which --json lists")
+        if number > 1:
+            _print_failures(made)
         if made.skipped:
             print_message(f"skipped {plural(len(made.skipped), made.kind)} whose result exists")
         if made.view is not None:
@@ -284,13 +301,25 @@ def print_pictures(made: UndistortedFiles, how: How) -> None:
             result("nothing to do")
         if not failures:
             print_wrote(made.extras)
+    if number == 1:
+        for failure in failures.values():
+            raise failure
     if failures:
-        if number == 1:
-            raise failures[0][1]
         raise PhotoError(
             f"{len(failures):,} of {plural(number, made.kind)} could not be undistorted: see "
             f"{'the JSON' if how.as_json else 'above'}"
         )
+
+
+def _print_failures(made: UndistortedFiles) -> None:
+    """Say of the first that failed why they did."""
+    from cubicfish_cli.words.sentences import render_error
+
+    for name, error in islice(made.failures.items(), _FEW):
+        shot = f"shot {name}: " if made.kind == "shot" else ""
+        print_always(f"failed: {shot}{render_error(error)}")
+    if len(made.failures) > _FEW:
+        print_always(f"and {len(made.failures) - _FEW:,} more, which --json lists")
 
 
 def named_sources(sources: StrPath | Sequence[StrPath]) -> list[str]:

@@ -17,7 +17,6 @@ import numpy as np
 from cubicfish import (
     Detection,
     DetectionError,
-    Event,
     Finding,
     FitError,
     FloatArray,
@@ -33,7 +32,7 @@ from cubicfish.sufficiency import InformationGain
 from cubicfish_cli.films.choose import FEWEST, Choice, Patch, Seen, choose
 from cubicfish_cli.films.measure import sharpness
 from cubicfish_cli.films.scan import still_px
-from cubicfish_cli.words.sentences import render_event
+from cubicfish_cli.words.events import why_ended
 
 # Where fewer of the pictures show the target, they do not tell which pictures are good.
 _FEW, _FEW_SHARE = 3, 0.5
@@ -315,13 +314,8 @@ def choose_photos(
         quick_jobs=run.jobs,
     )
     search.search(range(len(usual)), ())
-    return [usual[at] for at in sorted(search.choice.order)], why_ended(search.choice, "photo")
-
-
-def why_ended(choice: Choice, what: str) -> str:
-    """Return why no more pictures were chosen, in a sentence; ``what`` they are."""
-    figures = {"chosen": len(choice.order), "what": what}
-    return render_event(Event(f"chosen_{choice.ended}"), figures)
+    order = search.choice.order
+    return [usual[at] for at in sorted(order)], why_ended(search.choice.ended, len(order), "photo")
 
 
 def _measure_photo(photo: Photo) -> tuple[tuple[int, int], float] | None:

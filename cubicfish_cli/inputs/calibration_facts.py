@@ -5,7 +5,7 @@ Of a fit, or of a calibration's folder, with what cannot be found left out.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from os.path import realpath
@@ -28,12 +28,12 @@ from cubicfish import (
     quoted,
 )
 from cubicfish.files import Fingerprint
-from cubicfish.fit import FieldCells
 from cubicfish.io import PointCameraFile, load_correspondences
-from cubicfish.judge import FitRecord, Origin, PhotoRecord, photo_verdicts
+from cubicfish.judge import FitRecord, Origin, PhotoRecord
 from cubicfish.models import angle_from_axis
 from cubicfish.photos import find_photos
 from cubicfish.solve import rms_px
+from cubicfish.sufficiency import CoverageGaps
 from cubicfish.target.placement import best_named
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.viewpoints.truth import camera_points
@@ -70,14 +70,14 @@ class ErrorFacts:
         pairs: the corners.
         residual: (N, 2) projection less pixel, pixels.
         angle_deg: (N,) from the camera's axis; None for a camera without rays.
-        cells: the field in squares, and which of them hold corners.
+        gaps: the field in squares, which of them hold corners, and which parts hold none.
 
     """
 
     pairs: Observations
     residual: FloatArray
     angle_deg: FloatArray | None
-    cells: FieldCells
+    gaps: CoverageGaps
 
     @property
     def length(self) -> FloatArray:
@@ -152,7 +152,6 @@ def gather(
     files: Mapping[str, Path],
     digests: Mapping[str, str] | None = None,
     lack: str | None = None,
-    absent: Sequence[str] = (),
     sources: Sequence[Path] = (),
 ) -> Facts:
     """Put together what is known.
@@ -165,14 +164,11 @@ def gather(
         files: the photos' files by the photos' names.
         digests: SHA-256 that these files must have, by the photos' names; others are not shown.
         lack: why there are no pairs.
-        absent: what else is known to be missing and why, a line each.
         sources: the files that all this was read from, beside the camera's.
 
     """
     camera, fit = known.camera, known.fit
-    judged = photo_verdicts(fit, camera.image_size)
-    verdict_words = zip(fit.per_image, judged, strict=True)
-    lines = [*absent]
+    verdict_words = zip(fit.per_image, known.photo_verdicts, strict=True)
     errors = None
     pixels: tuple[tuple[str, FloatArray], ...] = ()
     if pairs is not None:
@@ -187,24 +183,33 @@ def gather(
             (pairs.images[pairs.image[index]], pairs.pixel[index])
             for index in np.flatnonzero(_find_dropped(pairs, fit))
         )
-    if lack is not None:
-        hint = "'cubicfish report --target FILE' names another target"
-        lines.insert(0, f"Corners and errors: {lack}; {hint}.")
-    if fit.per_image and not files:
-        lines.append(_NO_PHOTOS)
     return Facts(
         known=known,
-        verdict_words={photo.image: photo_words(own) for photo, own in verdict_words},
+        verdict_words={photo.image: photo_words(own.reasons) for photo, own in verdict_words},
         dropped_pixels=pixels,
         errors=errors,
         lack=lack,
         target=target,
         files=files,
         digests=digests or {},
-        absent=tuple(lines),
+        absent=tuple(_list_absent(lack, [photo.image for photo in fit.per_image], files)),
         sources=tuple(sources),
         advice=None if errors is None else summary(known, errors.pairs),
     )
+
+
+def _list_absent(
+    lack: str | None, names: Sequence[str], files: Mapping[str, Path]
+) -> Iterator[str]:
+    """Yield what a page about a calibration does without, and why, a line each."""
+    if lack is not None:
+        hint = "'cubicfish report --target FILE' names another target"
+        yield f"Corners and errors: {lack}; {hint}."
+    lost = [name for name in names if name not in files]
+    if lost and not files:
+        yield _NO_PHOTOS
+    elif lost:
+        yield f"{len(lost)} of {len(names)} photos are not at hand, such as {lost[0]}."
 
 
 def _measure_residuals(
@@ -255,8 +260,8 @@ def _measure_errors(
         )
     is_ray = isinstance(camera, CubicCamera)
     angle = np.rad2deg(angle_from_axis(points)) if is_ray else None
-    cells = FieldCells.of(camera, used.pixel)
-    return ErrorFacts(pairs=used, residual=residual, angle_deg=angle, cells=cells), None
+    gaps = CoverageGaps.of(camera, used)
+    return ErrorFacts(pairs=used, residual=residual, angle_deg=angle, gaps=gaps), None
 
 
 def _find_dropped(pairs: Observations, fit: FitRecord) -> npt.NDArray[np.bool_]:
@@ -305,33 +310,22 @@ def facts_of_files(
 
     """
     loaded = load_any_camera(camera_file)
-    origin = loaded.origin
-    folder = camera_file.parent
-    absent: list[str] = []
+    origin, folder = loaded.origin, camera_file.parent
     refined = loaded.fit.refine_target in REFINED
-    nominal = target or _find_recorded(origin.target, folder) or _find_beside(folder, _TARGET)
-    if refined:
-        nominal = _find_beside(folder, _REFINED) or target
+    nominal = _find_target(target, folder, origin, refined=refined)
     thing = None if nominal is None else target_in(nominal)
-    size = loaded.camera.image_size
     beside = corners or folder / _CORNERS
     table = _find_table(beside, folder, origin, thing)
-    is_named = table == beside or origin.target is not None
-    pairs = None if table is None else _load_pairs(table, thing if is_named else None, size)
-    lack = _explain_lack(folder, origin, thing, refined=refined) if pairs is None else None
-    names = [photo.image for photo in loaded.fit.per_image]
-    digests = {Path(one.file): one.sha256 for one in origin.inputs}
-    recorded = matched(names, [*digests])
-    if photos:
-        found = find_photos(photos)
-        files = {photo.name: photo.path for photo in found}
-        files = {**matched(names, [photo.path for photo in found]), **files}
+    if table is None:
+        pairs, lack = None, _explain_lack(folder, origin, thing, refined=refined)
     else:
-        places = {name: _place(path, folder) for name, path in recorded.items()}
-        files = {name: path for name, path in places.items() if path is not None}
-    lost = [name for name in names if name not in files]
-    if lost and files:
-        absent.append(f"{len(lost)} of {len(names)} photos are not at hand, such as {lost[0]}.")
+        is_named = table == beside or origin.target is not None
+        size = loaded.camera.image_size
+        pairs, lack = _load_pairs(table, thing if is_named else None, size), None
+    names = [photo.image for photo in loaded.fit.per_image]
+    digests = {one.path: one.sha256 for one in origin.inputs}
+    recorded = matched(names, [*digests])
+    files = _find_photos(photos, names) if photos else _find_all(recorded, folder)
     return gather(
         loaded,
         pairs=pairs,
@@ -339,9 +333,28 @@ def facts_of_files(
         files=files,
         digests={name: digests[path] for name, path in recorded.items()},
         lack=lack,
-        absent=absent,
         sources=[path for path in (nominal, table, *files.values()) if path is not None],
     )
+
+
+def _find_target(given: Path | None, folder: Path, origin: Origin, *, refined: bool) -> Path | None:
+    """The target as fitted: beside the camera where it was fitted too, else the nominal one."""
+    if refined:
+        return _find_beside(folder, _REFINED) or given
+    return given or _find_recorded(origin.target, folder) or _find_beside(folder, _TARGET)
+
+
+def _find_photos(given: Sequence[Path], names: Sequence[str]) -> dict[str, Path]:
+    """The photos that a caller names, by their own names and by those of a fit."""
+    found = find_photos(given)
+    own = {photo.name: photo.path for photo in found}
+    return {**matched(names, [*own.values()]), **own}
+
+
+def _find_all(recorded: Mapping[str, Path], folder: Path) -> dict[str, Path]:
+    """Those of recorded files that are there, by name."""
+    places = {name: _place(path, folder) for name, path in recorded.items()}
+    return {name: path for name, path in places.items() if path is not None}
 
 
 def facts_of_fit(

@@ -20,6 +20,7 @@ import click
 
 from cubicfish_cli.terminal.parameters import verbosity
 from cubicfish_cli.terminal.terminal import (
+    Style,
     columns_of,
     print_always,
     print_message,
@@ -30,7 +31,7 @@ from cubicfish_cli.terminal.terminal import (
 if TYPE_CHECKING:
     from cubicfish import Detection, Finding, Observations, Verdict
     from cubicfish.find import PhotoReport
-    from cubicfish.judge import ErrorStatistics, FitRecord, Level, PhotoRecord
+    from cubicfish.judge import CameraFacts, ErrorStatistics, PhotoRecord
     from cubicfish_cli.render.pages.report_files import ReportFiles
     from cubicfish_cli.terminal.progress import How
 
@@ -101,7 +102,7 @@ ByBoard = Mapping[str, Mapping[str, int]]
 
 GOOD = "good"
 _MOST_ROWS = 12
-_RANK: Mapping[Level, int] = {"bad": 0, "care": 1, "good": 2}
+_RANK: Mapping[Style, int] = {"bad": 0, "care": 1, "good": 2}
 # Below so many columns words of judgement are said shorter, and columns are left out.
 _ROOMY, _WIDE, _NARROW, _FEW_BOARDS = 100, 80, 60, 3
 
@@ -124,7 +125,7 @@ class PhotoRow:
 
     name: str
     words: str
-    level: Level
+    level: Style
     short: str = ""
     boards: Mapping[str, int] = field(default_factory=dict)
     corners: int | None = None
@@ -168,43 +169,40 @@ def why_lost(detection: Detection | None) -> dict[str, str]:
 
 
 def fitted_rows(
-    fit: FitRecord,
-    image_size: tuple[int, int],
+    known: CameraFacts,
     by_board: ByBoard,
     lost: Mapping[str, str],
 ) -> list[PhotoRow]:
     """Rows of photos with reprojection errors, and of those that take no part.
 
     Args:
-        fit: the record of the photos that were placed, and of corners that were left out.
-        image_size: (width, height), pixels.
+        known: a camera, with the record of photos that were placed and of corners left out.
         by_board: corners used, by photo and board.
         lost: photos that take no part, and a word for why.
 
     """
-    from cubicfish.judge import level_of, photo_verdicts
     from cubicfish_cli.words.camera import photo_words
     from cubicfish_cli.words.sentences import render_short
 
-    out = Counter(corner.image for corner in fit.dropped_corners)
+    out = Counter(corner.image for corner in known.fit.dropped_corners)
     rows = [
         PhotoRow(
             name=one.image,
-            words=photo_words(findings),
-            short="; ".join(render_short(one) for one in findings),
-            level=level_of(findings),
+            words=photo_words(judged.reasons),
+            short="; ".join(map(render_short, judged.reasons)),
+            level=judged.level,
             boards=by_board.get(one.image, {}),
             corners=one.corners,
             dropped=out[one.image],
             errors=one,
         )
-        for one, findings in zip(fit.per_image, photo_verdicts(fit, image_size), strict=True)
+        for one, judged in zip(known.fit.per_image, known.photo_verdicts, strict=True)
     ]
-    known = {row.name for row in rows}
+    named = {row.name for row in rows}
     rows += [
         PhotoRow(name=name, words=why, level="bad", dropped=out[name])
         for name, why in lost.items()
-        if name not in known
+        if name not in named
     ]
     return rows
 

@@ -290,6 +290,8 @@ def record(kind: type[Kind]) -> type[Kind]:
             delattr(kind, name)
         else:
             setattr(kind, name, one.default)
+    checked: Any = kind
+    checked.checked_fields = True
     setattr(kind, _OPTIONS, {**getattr(kind, _OPTIONS, {}), **options})
     return dataclass(frozen=True, kw_only=True)(kind)
 

@@ -63,6 +63,12 @@ def print_wrote(paths: Iterable[Path]) -> None:
         result(f"wrote {path}")
 
 
+def print_removed(paths: Iterable[Path]) -> None:
+    """Say which files of an earlier calibration were removed, a line each."""
+    for path in paths:
+        print_message(f"removed {path}, which was of an earlier calibration")
+
+
 def print_next(*lines: str) -> None:
     """Print what to do next, in command lines, unless ``--quiet``."""
     if verbosity() >= 0:

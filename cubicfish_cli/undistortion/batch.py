@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Container, Generator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from threading import RLock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy.typing as npt
 
@@ -61,6 +61,11 @@ class Job:
     def source(self) -> Path:
         """The photo, or the first of several."""
         return next(iter(self.photos.values()))
+
+    def lacking(self, paths: Container[Path]) -> Self:
+        """The same with those of its outputs only that are among paths."""
+        outputs = {part: path for part, path in self.outputs.items() if path in paths}
+        return replace(self, outputs=outputs)
 
 
 Render = Callable[[Job, Mapping[str, npt.NDArray[Any]]], Mapping[str, npt.NDArray[Any]]]

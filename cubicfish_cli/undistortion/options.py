@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 if TYPE_CHECKING:
     from cubicfish import Target
@@ -20,6 +20,8 @@ class PlaneOptions:
         pixels_per_unit: the picture's scale; by default the largest that the photo has there.
 
     """
+
+    checked_fields: ClassVar = True
 
     board: str
     target: Target | str | os.PathLike[str]

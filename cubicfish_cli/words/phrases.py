@@ -2,11 +2,8 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable
-from string import Formatter
-from typing import Any
+from collections.abc import Iterable, Sequence
 
-from cubicfish import listed
 from cubicfish.files import FrameName
 from cubicfish.target import MILLIMETRES
 
@@ -22,6 +19,16 @@ def plural(number: float, what: str) -> str:
 def percent(share: float) -> str:
     """Return a share as a signed percentage of two digits or more: 0.0123 -> ``+1.2 %``."""
     return f"{100 * share:+.0f} %" if abs(share) >= 0.995 else f"{100 * share:+.2g} %"
+
+
+def whole(share: float) -> str:
+    """Return a share in whole percents: 0.4 -> ``40 %``."""
+    return f"{100 * share:.0f} %"
+
+
+def pick(number: float | Sequence[str], one: str, several: str) -> str:
+    """Return the words for one thing, or for a number or a list of others."""
+    return one if (len(number) if isinstance(number, Sequence) else number) == 1 else several
 
 
 def counted(photos: Iterable[str]) -> str:
@@ -62,29 +69,3 @@ def two_digits(value: float) -> str:
     """Return a number, 0 or above, to two digits: ``1100``, ``0.41``."""
     digits = 1 - math.floor(math.log10(value)) if value > 0 else 0
     return f"{round(value, digits):.{max(0, digits)}f}"
-
-
-class Sentences(Formatter):
-    """Templates of ``str.format`` with a few more ways to write a value.
-
-    ``{n:#photo}`` is a count with its noun, ``{names:&photos}`` a list, ``{n:?it|them}`` the first
-    of two words where the value is 1 or true (or a list of one), ``{share:%}`` whole percents and
-    ``{share:+%}`` a signed percentage.
-    """
-
-    def format_field(self, value: Any, format_spec: str) -> str:
-        """Format one value of a template."""
-        kind, rest = format_spec[:1], format_spec[1:]
-        if kind == "?":
-            one, other = rest.split("|", 1)
-            number = len(value) if isinstance(value, tuple | list) else value
-            return one if number == 1 else other
-        if kind == "#":
-            return plural(value, rest)
-        if kind == "&":
-            return listed(value, rest)
-        if format_spec == "%":
-            return f"{100 * value:.0f} %"
-        if format_spec == "+%":
-            return percent(value)
-        return str(format(value, format_spec))

@@ -2,88 +2,104 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
+from inspect import signature
 from typing import TYPE_CHECKING, Any
 
-from cubicfish import CubicfishError, Event, Finding, listed
-from cubicfish.judge.codes import Code
+from cubicfish import CubicfishError, Finding
 from cubicfish.judge.finding import FindingText
-from cubicfish_cli.words.catalogue import catalogue
-from cubicfish_cli.words.phrases import Sentences
+from cubicfish_cli.extension_guard import Place, extensions
+from cubicfish_cli.words import events, fit, photos, set_up
+from cubicfish_cli.words.table import Words
 
 if TYPE_CHECKING:
     from cubicfish.judge import FitRecord
 
-_SENTENCES = Sentences()
-_OF_RIGS = (
-    Code.SHOT_MISMATCHED,
-    Code.CAMERA_MOVED,
-    Code.FEW_COMMON_SHOTS,
-    Code.CLOCKS_DIFFER,
-    Code.NOT_AT_ONCE,
-    Code.SHOT_APART,
-    Code.RIG_STRAINED,
-    Code.PLACE_UNCERTAIN,
-)
+
+@cache
+def all_words() -> Words:
+    """The functions of the program and of its extensions."""
+    places = [Place(name, one.words) for name, one in extensions().items() if one.words is not None]
+    more = [words for place in places if (words := place.load_or_leave_out(Words)) is not None]
+    every = Words()
+    # No extension says the program's own sentences otherwise.
+    for words in (*more, set_up.WORDS, fit.WORDS, photos.WORDS, events.WORDS):
+        every.findings.update(words.findings)
+        every.evidence.update(words.evidence)
+        every.events.update(words.events)
+    return every
+
+
+@cache
+def parameters(function: Callable[..., Any]) -> frozenset[str]:
+    """The names of the figures that a sentence needs."""
+    return frozenset(signature(function).parameters)
+
+
+def _write(function: Callable[..., Any], figures: Mapping[str, Any]) -> Any:
+    return function(**{name: figures[name] for name in parameters(function) & figures.keys()})
 
 
 def render(finding: Finding) -> FindingText:
     """Write the sentences of a finding, unless it has some; of no known code, its facts."""
     if finding.text is not None:
         return finding.text
-    known, code, case = catalogue(), finding.code, finding.case
-    if (
-        "photos" in finding.figures
-        and (code, "all") in known.finding_texts
-        and code != Code.NO_MARKERS
-    ):
-        case = "grid_all" if case == "grid" else "all"
-    saying = known.finding_texts.get((code, case))
-    if saying is None:
+    known = all_words()
+    write = known.findings.get((finding.code, finding.case))
+    if write is None:
         return FindingText(str(finding))
-    values = {
-        name: render(one) if isinstance(one, Finding) else one
-        for name, one in finding.figures.items()
+    figures = {
+        name: render(value) if isinstance(value, Finding) else value
+        for name, value in finding.figures.items()
     }
-    values |= {"images": finding.images, "boards": finding.boards}
-    if finding.cameras:
-        values |= {"cameras": finding.cameras, "of_shots": finding.shots}
-    for name in known.phrases.keys() & finding.figures.keys():
-        values[name] = _write_part(name, values[name], values)
-    evidence = known.because[finding.because] if finding.because else saying.evidence
-    what, evidence, do = (_fill_in(text, values) for text in (saying.what, evidence, saying.do))
-    if finding.cameras and finding.code not in _OF_RIGS:
+    figures |= {name: getattr(finding, name) for name in ("code", "case", "images", "boards")}
+    figures |= {"board": finding.boards[0]} if finding.boards else {}
+    of_several = isinstance(write, FindingText) or "cameras" not in parameters(write)
+    figures |= {"cameras": finding.cameras, "of_shots": finding.shots}
+    what, evidence, do = write if isinstance(write, FindingText) else _write(write, figures)
+    if finding.because:
+        evidence = _write(known.evidence[finding.because], figures)
+    if finding.cameras and of_several:  # it is about one camera of a rig, alone
         what = f"camera {finding.cameras[0]}: {what}"
-    return FindingText(what, evidence, do)
+    return FindingText(*map(_name_the_lone_board, (what, evidence, do)))
+
+
+def _name_the_lone_board(sentence: str) -> str:
+    """That of --board is named so."""
+    return sentence.replace("board board", "the board")
 
 
 def render_short(finding: Finding) -> str:
     """Write a finding in fewer words, where there is little room."""
-    if (finding.code, "short") in catalogue().finding_texts:
+    if (finding.code, "short") in all_words().findings:
         return render(replace(finding, case="short", text=None)).what
     return render(finding).line
 
 
-def render_event(event: Event, figures: Mapping[str, Any]) -> str:
+def render_event(event: str, figures: Mapping[str, Any]) -> str:
     """Write what is said of an event while work is done."""
-    return _SENTENCES.vformat(catalogue().events[event], (), figures)
+    return str(_write(all_words().events[event], figures))
 
 
 def render_error(error: CubicfishError) -> str:
     """Write an error as a command line says it, with options in the place of arguments."""
-    return error.text(
-        catalogue().options, lambda finding: (render(finding).why, render(finding).do)
-    )
+
+    def tell(finding: Finding) -> tuple[str, str]:
+        text = render(finding)
+        return text.why, text.do
+
+    return error.text(events.OPTIONS, tell)
 
 
 def with_text(finding: Finding) -> Finding:
     """Return the finding with its sentences, as files and JSON have it."""
-    inner = {
+    figures = {
         name: with_text(value) if isinstance(value, Finding) else value
         for name, value in finding.figures.items()
     }
-    return replace(finding, figures=inner, text=render(finding))
+    return replace(finding, figures=figures, text=render(finding))
 
 
 def record_of(finding: Finding) -> dict[str, Any]:
@@ -98,17 +114,3 @@ def with_texts(fit: FitRecord) -> FitRecord:
         findings=tuple(map(with_text, fit.findings)),
         unfit_images={photo: with_text(why) for photo, why in fit.unfit_images.items()},
     )
-
-
-def _fill_in(template: str, values: Mapping[str, Any]) -> str:
-    # The lone board of --board is named so.
-    return _SENTENCES.vformat(template, (), values).replace("board board", "the board")
-
-
-def _write_part(name: str, value: Any, values: Mapping[str, Any]) -> str:
-    """Return the part of a sentence for a figure: one phrase, or a list of records' phrases."""
-    phrases = catalogue().phrases[name]
-    if isinstance(value, str):
-        return _SENTENCES.vformat(phrases[value], (), values)
-    written = [_SENTENCES.vformat(phrases[one["form"]], (), one) for one in value]
-    return listed(written, name)

@@ -3,7 +3,7 @@
 from cubicfish import CubicCamera, Observations
 from cubicfish.judge import CameraFacts
 from cubicfish.judge.codes import Code
-from cubicfish.sufficiency import CoverageGaps, explain_insufficiency
+from cubicfish.sufficiency import CoverageGaps, Goal
 from cubicfish_cli.words.sentences import render
 
 _PARTS = 2
@@ -39,7 +39,8 @@ def summary(known: CameraFacts, pairs: Observations) -> str | None:
     if not isinstance(known.camera, CubicCamera):
         return None
     gaps, now = CoverageGaps.of(known.camera, pairs), known.fit.uncertainty.field
-    reasons = explain_insufficiency(known.verdict)
+    goal = Goal.of(known.fit, known.camera.image_size)
+    reasons = goal.explain_unmet(known.verdict)
     if not reasons:
         certain = f", and 95 % of it is certain to {now.p95_px:.3f} px" if now else ""
         covered = f"corners cover {100 * gaps.cells.coverage:.0f} % of the field"

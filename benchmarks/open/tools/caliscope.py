@@ -1,16 +1,9 @@
 """caliscope of PyPI: the fisheye camera of its scripting interface, and its own trackers."""
 
+import caliscope.api as api
 import cv2
 import numpy as np
 import pandas as pd
-from caliscope.api import (
-    CameraData,
-    Charuco,
-    CharucoTracker,
-    Chessboard,
-    ChessboardTracker,
-    ImagePoints,
-)
 from caliscope.core.calibrate_intrinsics import run_intrinsic_calibration
 
 # Its fisheye asks OpenCV for names that version 5 has no more.
@@ -21,20 +14,17 @@ EXPORT = "its own K and D, without loss"
 
 def fit(job, variant, start):
     """Its choice of some thirty frames, then its intrinsic calibration."""
-    parts = []
-    for number, (_, local, point, pixel) in enumerate(job.views()):
-        parts.append(
-            pd.DataFrame({
-                "sync_index": number, "cam_id": 0, "object_id": 0, "keypoint_id": point,
-                "img_loc_x": pixel[:, 0], "img_loc_y": pixel[:, 1],
-                "obj_loc_x": local[:, 0], "obj_loc_y": local[:, 1], "obj_loc_z": 0.0,
-            })
-        )  # fmt: skip
-    camera = CameraData(cam_id=0, size=job.size, fisheye=True)
-    found = run_intrinsic_calibration(camera, ImagePoints(pd.concat(parts)))
+    columns = ["sync_index", "keypoint_id", "img_loc_x", "img_loc_y", "obj_loc_x", "obj_loc_y"]
+    parts = [
+        np.column_stack([np.full(len(point), number), point, pixel, points[:, :2]])
+        for number, (points, point, pixel) in enumerate(job.views())
+    ]
+    table = pd.DataFrame(np.concatenate(parts), columns=columns)
+    table = table.assign(cam_id=0, object_id=0, obj_loc_z=0.0)
+    camera = api.CameraData(cam_id=0, size=job.size, fisheye=True)
+    found = run_intrinsic_calibration(camera, api.ImagePoints(table))
     note = f"{found.report.frames_used} views chosen"
-    claimed = {"rms_px": float(found.report.rmse)}
-    return {"lens": found.camera, "claimed": claimed, "note": note}
+    return {"lens": found.camera, "claimed": {"rms_px": float(found.report.rmse)}, "note": note}
 
 
 def project(model, points):
@@ -50,12 +40,13 @@ def detect(file, job):
     board, numbers = job.one_board(), job.grid(0).ravel()
     columns, rows = board["corners"]
     if board["type"] == "checkerboard":
-        tracker = ChessboardTracker(Chessboard(rows=rows, columns=columns))
+        tracker = api.ChessboardTracker(api.Chessboard(rows=rows, columns=columns))
     else:
-        tracker = CharucoTracker(Charuco.from_squares(
+        charuco = api.Charuco.from_squares(
             columns + 1, rows + 1, float(board["square"]), dictionary=board["dictionary"],
             aruco_scale=board["marker"] / board["square"],
             legacy_pattern=board.get("first_square") == "light",
-        ))  # fmt: skip
+        )  # fmt: skip
+        tracker = api.CharucoTracker(charuco)
     seen = tracker.get_points(cv2.imread(file))
-    return numbers[np.asarray(seen.keypoint_id, int)], np.asarray(seen.img_loc, float)
+    return numbers[np.asarray(seen.keypoint_id, int)], seen.img_loc

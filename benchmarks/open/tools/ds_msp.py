@@ -1,4 +1,4 @@
-"""ds-msp of PyPI: its own Double Sphere, and the model that it takes for the dependable one."""
+"""ds-msp of PyPI: its own Double Sphere, and the model that it calls the dependable one."""
 
 import numpy as np
 from ds_msp.calib import calibrate
@@ -10,7 +10,7 @@ from ds_msp.models.registry import seed_from_K
 
 PACKAGES = ["ds-msp==0.22.2"]
 VARIANTS = {"ds-msp double sphere": 1, "ds-msp Kannala-Brandt": 1}
-EXPORT = "Kalibr's camchain, the same model without loss"
+EXPORT = "Kalibr's camchain of the same model, without loss"
 
 
 def fit(job, variant, start):
@@ -18,12 +18,9 @@ def fit(job, variant, start):
     w, h = job.size
     kind = DoubleSphereModel if "sphere" in variant else KannalaBrandtModel
     seed = seed_from_K(kind, np.array([[0.5 * w, 0, 0.5 * w], [0, 0.5 * w, 0.5 * h], [0, 0, 1]]))
-    views = [(local, pixel) for _, local, _, pixel in job.views()]
-    points = [np.column_stack([local, 0 * local[:, 0]]) for local, _ in views]
-    found = calibrate(
-        seed, points, [pixel for _, pixel in views], [np.ones(len(xy), bool) for xy in points],
-        loss="huber", f_scale=1.0,
-    )  # fmt: skip
+    points, _, pixels = map(list, zip(*job.views(), strict=True))
+    seen = [np.ones(len(one), bool) for one in points]
+    found = calibrate(seed, points, pixels, seen, loss="huber", f_scale=1.0)
     return {"lens": found["model"], "claimed": {"rms_px": float(found["rms_px"])}}
 
 
@@ -38,14 +35,14 @@ def detect(file, job):
     (columns, rows), square = board["corners"], float(board["square"])
     if board["type"] == "checkerboard":
         finder = CheckerboardBoard(CheckerboardSpec(columns, rows, square))
-    else:
-        if board["dictionary"] != "DICT_6X6_1000":
-            raise NotImplementedError("its ChArUco boards are of DICT_6X6_1000")
+    elif board["dictionary"] == "DICT_6X6_1000":
         spec = BoardSpec(columns + 1, rows + 1, square, float(board["marker"]), square)
         finder = CharucoBoard([spec], legacy=board.get("first_square") == "light")
+    else:
+        raise NotImplementedError("its ChArUco boards are of DICT_6X6_1000")
     seen = finder.detect([file])
     if not seen:
-        return grid.ravel()[:0], np.zeros((0, 2))
+        return grid.ravel()[:0], []
     here = np.asarray(seen[0].visibility, bool)
     place = np.rint(np.asarray(seen[0].points_3d)[here, :2] / square).astype(int)
     return grid[place[:, 1], place[:, 0]], np.asarray(seen[0].pixels)[here]

@@ -4,30 +4,28 @@ import cv2
 import lensboy
 import numpy as np
 
-PACKAGES = ["lensboy==4.0.3"]
+# Its ChArUco finder expects arrays of the shapes that OpenCV 4 gives.
+PACKAGES = ["lensboy==4.0.3", "opencv-contrib-python<5", "scipy"]
 VARIANTS = {"lensboy splined": 1, "lensboy OpenCV": 1}
 
 
 def fit(job, variant, start):
-    """calibrate_camera, as the README has it."""
+    """calibrate_camera, as the README has it; a view is of one board."""
     size = {"image_width": job.size[0], "image_height": job.size[1]}
     if "splined" in variant:
         config = lensboy.PinholeSplinedConfig(**size, num_knots_x=10, num_knots_y=8)
     else:
         config = lensboy.OpenCVConfig(**size)
-    # A view is of one board: it does not know that several keep their places.
-    columns, rows = job.one_shape()
+    columns, rows, _ = job.one_shape()
     points = np.column_stack([job.local, 0 * job.local[:, 0]])[: columns * rows]
-    views = [(point % len(points), pixel) for _, _, point, pixel in job.views()]
-    frames = [lensboy.Frame(point, pixel) for point, pixel in views]
+    frames = [lensboy.Frame(point % len(points), pixel) for _, point, pixel in job.views()]
     found = lensboy.calibrate_camera(points, frames, config)
     told = [one.residuals[one.inlier_mask] for one in found.frame_diagnostics if one is not None]
-    claimed = {"rms_px": float(np.sqrt(np.mean(np.sum(np.concatenate(told) ** 2, axis=1))))}
-    world = None
+    rms, world = float(np.sqrt(np.mean(np.sum(np.concatenate(told) ** 2, axis=1)))), None
     if found.target_warp is not None:
         bent = found.target_warp.warp_target(points)[:, 2]
         world = job.lifted(np.tile(bent, len(job.boards)))
-    return {"lens": found.camera_model, "world": world, "claimed": claimed}
+    return {"lens": found.camera_model, "world": world, "claimed": {"rms_px": rms}}
 
 
 def project(model, points):
@@ -40,11 +38,11 @@ def detect(file, job):
     board, numbers = job.one_board(), job.grid(0).ravel()
     if board["type"] != "charuco":
         raise NotImplementedError("it has a finder of ChArUco boards only")
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board["dictionary"]))
+    words = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board["dictionary"]))
     squares = (board["corners"][0] + 1, board["corners"][1] + 1)
-    charuco = cv2.aruco.CharucoBoard(squares, board["square"], board["marker"], dictionary)
+    charuco = cv2.aruco.CharucoBoard(squares, board["square"], board["marker"], words)
     charuco.setLegacyPattern(board.get("first_square") == "light")
     _, frames, _ = lensboy.extract_frames_from_charuco(charuco, [cv2.imread(file)])
     if not frames:
-        return numbers[:0], np.zeros((0, 2))
+        return numbers[:0], []
     return numbers[frames[0].target_point_indices], frames[0].detected_points_in_image

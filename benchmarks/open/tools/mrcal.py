@@ -1,105 +1,82 @@
-"""mrcal of Debian (apt-get install python3-mrcal), staged as mrcal-calibrate-cameras does it."""
+"""mrcal of Debian, staged as mrcal-calibrate-cameras does it."""
 
 import contextlib
-import subprocess
 
 import mrcal
 import numpy as np
 
 PYTHON = "/usr/bin/python3"
-NEEDS = ("mrcal", "apt-get install python3-mrcal mrcal")
-SPLINES = "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=10_Ny=8_fov_x_deg={}"
+NEEDS = ("mrcal", "apt-get install python3-mrcal python3-scipy")
 VARIANTS = {"mrcal OPENCV8": 1, "mrcal splined": 1}
-EXPORT = "LENSMODEL_OPENCV8, by `mrcal-convert-lensmodel` (OPENCV8 itself: without loss)"
-FOCALS = np.geomspace(
-    0.12, 1.2, 10
-)  # of the seed, as shares of the width: it needs one about right
+EXPORT = "its own .cameramodel, without loss"
+SPLINES = "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=10_Ny=8_fov_x_deg={:.0f}"
+FOCALS = np.geomspace(0.12, 1.2, 10)  # to try for the seed, as shares of the width
+STILL = {"intrinsics_distortions": False, "extrinsics": False, "calobject_warp": False}
 
 
 def solved(problem, **changes):
-    """The problem with changes, solved in place; RMS as mrcal counts it."""
+    """The problem solved in place, with other switches; its RMS as mrcal counts it."""
     problem |= {f"do_optimize_{name}": value for name, value in changes.items()}
     return mrcal.optimize(**problem)["rms_reproj_error__pixels"]
 
 
+def seeded(problem, focal):
+    """The stereographic solution from a focal length: (RMS, problem)."""
+    problem = problem | {"observations_board": problem["observations_board"].copy()}
+    problem["intrinsics"], _, problem["frames_rt_toref"] = mrcal.seed_stereographic(
+        imagersizes=problem["imagersizes"], focal_estimate=focal,
+        indices_frame_camera=problem["indices_frame_camintrinsics_camextrinsics"][:, :2].copy(),
+        observations=problem["observations_board"].copy(),
+        object_spacing=problem["calibration_object_spacing"],
+    )  # fmt: skip
+    solved(problem, intrinsics_core=False, frames=True, **STILL)
+    return solved(problem, intrinsics_core=True), problem
+
+
 def fit(job, variant, start):
     """A stereographic seed, then the model, then the board's warp too."""
-    views = list(job.views())
-    columns, rows = job.one_shape()
-    spacing = float(np.ptp(job.local[:, 0])) / (columns - 1)
+    views, (columns, rows, side) = list(job.views()), job.one_shape()
     grid = np.full((len(views), rows, columns, 3), -1.0)  # weight -1: not seen
-    for one, (_, local, _, pixel) in zip(grid, views, strict=True):
-        column, row = np.rint(local / spacing).astype(int).T
-        one[row, column] = np.column_stack([pixel, np.ones(len(pixel))])
-    size = np.array([job.size], np.int32)
-    index = np.array([[k, 0, -1] for k in range(len(views))], np.int32)
-    seed = None
+    for one, (_, point, pixel) in zip(grid, views, strict=True):
+        one[job.row[point], job.column[point]] = np.column_stack([pixel, np.ones(len(pixel))])
+    problem = {
+        "extrinsics_rt_fromref": np.zeros((0, 6)), "points": None, "observations_board": grid,
+        "indices_frame_camintrinsics_camextrinsics":
+            np.array([[k, 0, -1] for k in range(len(views))], np.int32),
+        "observations_point": None, "indices_point_camintrinsics_camextrinsics": None,
+        "lensmodel": "LENSMODEL_STEREOGRAPHIC", "imagersizes": np.array([job.size], np.int32),
+        "calibration_object_spacing": side, "do_apply_outlier_rejection": False,
+        "do_apply_regularization": False, "verbose": False,
+    }  # fmt: skip
+    seeds = []
     for focal in FOCALS * job.size[0]:
         with contextlib.suppress(Exception):  # bare ones, where a guess is bad
-            intrinsics, _, frames = mrcal.seed_stereographic(
-                imagersizes=size, focal_estimate=focal, observations=grid.copy(),
-                indices_frame_camera=index[:, :2].copy(), object_spacing=spacing,
-            )  # fmt: skip
-            problem = {
-                "intrinsics": intrinsics, "extrinsics_rt_fromref": np.zeros((0, 6)),
-                "frames_rt_toref": frames, "points": None, "observations_board": grid.copy(),
-                "indices_frame_camintrinsics_camextrinsics": index, "observations_point": None,
-                "indices_point_camintrinsics_camextrinsics": None,
-                "lensmodel": "LENSMODEL_STEREOGRAPHIC", "imagersizes": size,
-                "calibration_object_spacing": spacing, "do_apply_outlier_rejection": False,
-                "do_apply_regularization": False, "verbose": False,
-            }  # fmt: skip
-            still = {"intrinsics_distortions": False, "extrinsics": False, "calobject_warp": False}
-            solved(problem, intrinsics_core=False, frames=True, **still)
-            rms = solved(problem, intrinsics_core=True)
-            if np.isfinite(rms) and (seed is None or rms < seed[0]):
-                seed = rms, problem
-    if seed is None:
-        raise ValueError("no focal length gives a seed")
-    problem, model = seed[1], "LENSMODEL_OPENCV8"
+            seeds.append(seeded(problem, focal))
+    _, problem = min((one for one in seeds if np.isfinite(one[0])), key=lambda one: one[0])
+    model = "LENSMODEL_OPENCV8"
     if "splined" in variant:
-        pixel = np.concatenate([one[3] for one in views])
+        pixel = np.concatenate([pixel for _, _, pixel in views])
         rays = mrcal.unproject(
             pixel, problem["lensmodel"], problem["intrinsics"][0], normalize=True
         )
         wide = 2 * np.rad2deg(np.arccos(np.clip(rays[:, 2], -1, 1)).max()) + 10
-        model = SPLINES.format(int(min(wide, 330)))
+        model = SPLINES.format(min(wide, 330))
     more = mrcal.lensmodel_num_params(model) - problem["intrinsics"].shape[-1]
     noise = (np.random.default_rng(0).random((1, more)) - 0.5) * 2e-6
     problem["intrinsics"] = np.concatenate([problem["intrinsics"], noise], axis=-1)
-    problem |= {
-        "lensmodel": model,
-        "do_apply_outlier_rejection": True,
-        "do_apply_regularization": True,
-    }
+    problem |= dict.fromkeys(("do_apply_outlier_rejection", "do_apply_regularization"), True)
+    problem["lensmodel"] = model
     solved(problem, intrinsics_core="splined" not in variant, intrinsics_distortions=True)
-    problem["calobject_warp"] = np.zeros(2)
+    warp = problem["calobject_warp"] = np.zeros(2)
     rms = solved(problem, calobject_warp=True)
-    board = mrcal.ref_calibration_object(
-        columns, rows, spacing, calobject_warp=problem["calobject_warp"]
-    )
-    column, row = np.rint(job.local / spacing).astype(int).T
+    bent = mrcal.ref_calibration_object(columns, rows, side, calobject_warp=warp)[..., 2]
+    lens = (model, problem["intrinsics"][0])
     return {
-        "problem": problem,
-        "world": job.lifted(board[row, column, 2]),
+        "lens": lens,
+        "world": job.lifted(bent[job.row, job.column]),
         "claimed": {"rms_px": rms},
     }
 
 
 def project(model, points):
-    return mrcal.project(points, model["problem"]["lensmodel"], model["problem"]["intrinsics"][0])
-
-
-def export(model, folder):
-    """What OpenCV reads: the nearest OPENCV8."""
-    if "OPENCV" in model["problem"]["lensmodel"]:
-        return None
-    file = folder / "lens.cameramodel"
-    mrcal.cameramodel(optimization_inputs=model["problem"], icam_intrinsics=0).write(str(file))
-    command = ["mrcal-convert-lensmodel", "--sampled", "--intrinsics-only", "LENSMODEL_OPENCV8", "-"]
-    told = subprocess.run(command, input=file.read_bytes(), capture_output=True, timeout=300)
-    if told.returncode:
-        raise ValueError(told.stderr.decode().strip().splitlines()[-1])
-    file.write_bytes(told.stdout)
-    lens = mrcal.cameramodel(str(file)).intrinsics()
-    return lambda points: np.where(points[:, 2:] > 0, mrcal.project(points, *lens), np.nan)
+    return mrcal.project(np.ascontiguousarray(points), *model["lens"])

@@ -9,21 +9,11 @@ VARIANTS = {"multical fisheye": 1}
 EXPORT = "its own K and D, without loss"
 
 
-class Board:
-    """What multical asks of a board."""
-
-    def __init__(self, points):
-        self.points = points
-
-    def has_min_detections(self, found):
-        return len(found.ids) >= 6
-
-
 def fit(job, variant, start):
     """Its call for the intrinsics of one camera, criteria as they are by default."""
-    views = list(job.views())
-    board = Board(np.column_stack([job.local, 0 * job.local[:, 0]]))
-    detections = [[struct(ids=point, corners=pixel)] for _, _, point, pixel in views]
+    points = np.column_stack([job.local, 0 * job.local[:, 0]])
+    board = struct(points=points, has_min_detections=lambda found: len(found.ids) >= 6)
+    detections = [[struct(ids=point, corners=pixel)] for _, point, pixel in job.views()]
     lens, rms = CameraFisheye.calibrate([board], detections, job.size)
     return {"lens": lens, "claimed": {"rms_px": float(rms)}}
 

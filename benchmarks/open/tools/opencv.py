@@ -1,42 +1,42 @@
-"""OpenCV's two models of wide lenses, with the contrib wheel."""
+"""OpenCV's two models of wide lenses, of the contrib wheel, and its tutorials' finders."""
 
 import cv2
 import numpy as np
 
-PACKAGES = ["opencv-contrib-python-headless<5", "numpy"]
+PACKAGES = ["opencv-contrib-python-headless<5", "scipy"]
 VARIANTS = {"OpenCV fisheye": 3, "OpenCV omnidir": 1}
 EXPORT = "its own K and D, without loss"
 CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 300, 1e-10)
-# Its fisheye starts from a homography, which corners near 90° break: a patient user takes those away,
-# from the rim inwards, until it runs. All corners count in the errors all the same.
+GUESSES = (None, 0.33, 0.2)  # focal length by start, as a share of the width; None: OpenCV's own
+# Its fisheye starts from a homography, which corners near 90° break: in later starts those are
+# taken away, from the rim inwards, until it fits. All corners count in the errors all the same.
 SHARES = (1.0, 0.95, 0.9, 0.85, 0.8, 0.7, 0.6)
 PLAUSIBLE = 0.005  # an RMS above so much of the width is a fit that went astray
-GUESSES = (None, 0.33, 0.2)  # focal length by start, as a share of the width; None: OpenCV's own
 
 
 def fit(job, variant, start):
-    """As the documentation has it; from a focal length, and nearer the middle, in later starts."""
-    objects, images = job.lists()
+    """As the documentation has it; later starts have a focal length and may leave out the rim."""
+    views = [(points[:, None], pixel[:, None]) for points, _, pixel in job.views()]
+    middle, matrix = (np.array(job.size) - 1) / 2, None
     if "omnidir" in variant:
         rms, k, xi, d, *_ = cv2.omnidir.calibrate(
-            objects, images, job.size, None, None, None, 0, CRITERIA
+            *map(list, zip(*views, strict=True)), job.size, None, None, None, 0, CRITERIA
         )
         return {"k": k, "xi": float(np.ravel(xi)[0]), "d": d, "claimed": {"rms_px": rms}}
     flags = cv2.fisheye.CALIB_RECOMPUTE_EXTRINSIC | cv2.fisheye.CALIB_FIX_SKEW
-    middle, matrix = (np.array(job.size) - 1) / 2, None
     if GUESSES[start] is not None:
         flags |= cv2.fisheye.CALIB_USE_INTRINSIC_GUESS
         focal = GUESSES[start] * job.size[0]
         matrix = np.array([[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]])
-    far = max(np.linalg.norm(one - middle, axis=-1).max() for one in images)
+    away = [np.linalg.norm(pixel[:, 0] - middle, axis=1) for _, pixel in views]
     best, problem = None, None
     for share in SHARES if start else SHARES[:1]:
-        near = [np.linalg.norm(one[:, 0] - middle, axis=-1) <= share * far for one in images]
-        kept = [k for k, one in enumerate(near) if one.sum() >= 8]
+        near = [one <= share * max(map(np.max, away)) for one in away]
+        kept = [(p[n], q[n]) for (p, q), n in zip(views, near, strict=True) if n.sum() >= 8]
         try:
             rms, k, d, *_ = cv2.fisheye.calibrate(
-                [objects[n][near[n]] for n in kept], [images[n][near[n]] for n in kept], job.size,
-                matrix, np.zeros((4, 1)), flags=flags, criteria=CRITERIA,
+                *map(list, zip(*kept, strict=True)), job.size, matrix, np.zeros((4, 1)),
+                flags=flags, criteria=CRITERIA,
             )  # fmt: skip
         except cv2.error as told:
             problem = told
@@ -54,9 +54,8 @@ def fit(job, variant, start):
 def project(model, points):
     where, zero = np.ascontiguousarray(points[:, None], float), np.zeros(3)
     if "xi" in model:
-        return cv2.omnidir.projectPoints(
-            where, zero, zero, model["k"], model["xi"], model["d"]
-        )[0].reshape(-1, 2)  # fmt: skip
+        lens = [model[key] for key in ("k", "xi", "d")]
+        return cv2.omnidir.projectPoints(where, zero, zero, *lens)[0].reshape(-1, 2)
     with np.errstate(all="ignore"):
         seen = cv2.fisheye.projectPoints(where, zero, zero, model["k"], model["d"])[0]
     # It divides by z: what is beside or behind the camera comes out on the wrong side.
@@ -64,26 +63,19 @@ def project(model, points):
 
 
 def detect(file, job):
-    """The tutorials' finders: findChessboardCorners with cornerSubPix, and CharucoDetector."""
-    board, gray = (
-        job.one_board(),
-        cv2.imread(file, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION),
-    )
+    """findChessboardCorners with cornerSubPix, and CharucoDetector."""
+    board, numbers = job.one_board(), job.grid(0).ravel()
+    gray = cv2.imread(file, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
     columns, rows = board["corners"]
-    numbers = job.grid(0).ravel()
     if board["type"] == "checkerboard":
         found, corners = cv2.findChessboardCorners(gray, (columns, rows))
-        if not found:
-            return numbers[:0], np.zeros((0, 2))
         stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 30, 0.001)
-        corners = cv2.cornerSubPix(gray, corners, (5, 5), (-1, -1), stop)
-        return numbers, corners.reshape(-1, 2)
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board["dictionary"]))
-    charuco = cv2.aruco.CharucoBoard(
-        (columns + 1, rows + 1), board["square"], board["marker"], dictionary
-    )
+        if found:
+            return numbers, cv2.cornerSubPix(gray, corners, (5, 5), (-1, -1), stop)
+        return numbers[:0], []
+    words = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board["dictionary"]))
+    size = (columns + 1, rows + 1)
+    charuco = cv2.aruco.CharucoBoard(size, board["square"], board["marker"], words)
     charuco.setLegacyPattern(board.get("first_square") == "light")
     corners, ids, *_ = cv2.aruco.CharucoDetector(charuco).detectBoard(gray)
-    if ids is None:
-        return numbers[:0], np.zeros((0, 2))
-    return numbers[ids.ravel()], corners.reshape(-1, 2)
+    return (numbers[:0], []) if ids is None else (numbers[ids.ravel()], corners)

@@ -1,6 +1,6 @@
 """What photos so far leave open, what to photograph next, and whether that is needed."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ from cubicfish import Calibration, CameraFile, CubicCamera, Finding, Observation
 from cubicfish.judge import FieldUncertainty
 from cubicfish.judge.codes import Code
 from cubicfish.solve import Poses
-from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge, explain_insufficiency
+from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge
 from cubicfish.threads import one_blas_thread
 from cubicfish_cli.extensions.advice.limited_lens import limited_lens
 from cubicfish_cli.extensions.advice.proposals import Proposal, proposed
@@ -108,8 +108,7 @@ def advise(
 
     """
     camera, fit = known.camera, known.fit
-    goal = Goal.of(fit, camera.image_size)
-    goal = goal if goal_px is None else replace(goal, p95_px=goal_px)
+    goal = Goal.of(fit, camera.image_size, goal_px)
     poses, gaps = Poses.of_photos(fit.poses, pairs.images), CoverageGaps.of(camera, pairs)
     notes: list[Finding] = []
     if poses is None:
@@ -120,7 +119,7 @@ def advise(
     if knowledge is not None:
         own, rays = knowledge.camera, knowledge.field_rays(blind)
         knowledge, now = knowledge.as_recorded(fit, rays)
-    reasons = explain_insufficiency(known.verdict, now, goal_px)
+    reasons = goal.explain_unmet(known.verdict, now)
     if blind:
         figures = {"blind_deg": float(np.degrees(blind))}
         notes.append(Finding(code=Code.MIDDLE_UNSEEN, figures=figures))

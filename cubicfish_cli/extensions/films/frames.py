@@ -10,9 +10,10 @@ from cubicfish.files import FrameName
 from cubicfish.observe import Glances
 from cubicfish.photos import Photo
 from cubicfish_cli.films.choose import Scale, Seen
-from cubicfish_cli.films.frame_search import Search, why_ended
+from cubicfish_cli.films.frame_search import Search
 from cubicfish_cli.films.scan import Measured, report_film, scan, still_px
 from cubicfish_cli.films.source import Film
+from cubicfish_cli.words.events import why_ended
 from cubicfish_cli.words.phrases import plural
 
 # So many frames are kept for each that may be chosen, at least one every so many seconds, and at
@@ -119,7 +120,7 @@ def chosen_of(
         measured=measured,
         taken=[replace(frames[at], seen=search.seen[at], gain=gain) for at, gain in gains],
         looked_at=len(search.searched),
-        ended=why_ended(search.choice, "frame"),
+        ended=why_ended(search.choice.ended, len(search.choice.order), "frame"),
     )
 
 

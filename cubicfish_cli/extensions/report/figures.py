@@ -46,7 +46,7 @@ def all_figures(facts: Facts) -> dict[str, page.Drawn]:
 def coverage_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     """Draw the corners, and the cells of the field that hold none."""
     plot = picture_plot(facts.camera.image_size)
-    pixel, pairs, cells = errors.pairs.pixel, errors.pairs, errors.cells
+    pixel, pairs, cells = errors.pairs.pixel, errors.pairs, errors.gaps.cells
     keys = [page.Key(kind="line", colour=INK, text="where the camera may be trusted")]
     empty = int(cells.empty.sum())
     if empty:
@@ -247,7 +247,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> page.Drawn | None:
     sigma = sigma.reshape(pixel.shape[:2])
     some, where = sigma[::_EVERY, ::_EVERY].ravel(), pixel[::_EVERY, ::_EVERY].reshape(-1, 2)
     angle, field = angle_from_axis(camera.unproject(where)), [facts.outline]
-    blind = facts.errors.cells.blind if facts.errors else 0.0
+    blind = facts.errors.gaps.cells.blind if facts.errors else 0.0
     if blind:  # where the camera sees itself
         field.append(camera.project(_rays_at(np.full(180, blind), np.linspace(0, 2 * np.pi, 180))))
     shown = some[(angle >= blind) & np.isfinite(some) & (some > 0)]

@@ -11,12 +11,15 @@ import click
 
 from cubicfish import Event, Run, UsageError, quoted
 from cubicfish.files import Content, StrPath
+from cubicfish_cli.core_table import CALIBRATION_FILES, FRAMES
+from cubicfish_cli.extension_guard import Place
 from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_rig
 from cubicfish_cli.films import MOST
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.render.pages import PAGE
+from cubicfish_cli.stages import camera_files, origin, page
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import enforce_max_rms, mark_of
 from cubicfish_cli.terminal.parameters import (
@@ -28,7 +31,7 @@ from cubicfish_cli.terminal.parameters import (
     target_options,
 )
 from cubicfish_cli.terminal.progress import How
-from cubicfish_cli.terminal.terminal import apart, print_message, print_wrote, result
+from cubicfish_cli.terminal.terminal import apart, print_message, print_removed, print_wrote, result
 from cubicfish_cli.words.sentences import render
 
 if TYPE_CHECKING:
@@ -37,6 +40,10 @@ if TYPE_CHECKING:
     from cubicfish.rigs import CornerMotion
     from cubicfish_cli.extensions.rigs.films import ShotFrame
     from cubicfish_cli.observe import Inputs
+
+
+# What there is of each camera.
+_OF_CAMERA = ("camera", "corners")
 
 
 @record
@@ -119,11 +126,13 @@ class RigFiles:
     Attributes:
         rig: the rig.
         files: what was written, rig.yaml first.
+        removed: files of an earlier rig that were removed.
 
     """
 
     rig: Rig
     files: list[Path]
+    removed: list[Path]
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish rig calibrate --json`` prints."""
@@ -147,18 +156,16 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = Run()) -> RigFiles:
             can be fitted.
 
     """
-    from cubicfish.files import write_files
     from cubicfish_cli.extensions.rigs.films import keeping_frames
-    from cubicfish_cli.extensions.rigs.words import rig_with_texts
 
     plan = _plan(options, run)
     seen = _observe(plan, run)
     with keeping_frames(seen.frames, plan.frames):
-        rig = rig_with_texts(_fit(plan, seen, run))
+        rig = _fit(plan, seen, run)
         contents = _make_contents(plan, rig, seen, run)
         run.listener.progress("Writing")
-        files = write_files(contents, overwrite=run.overwrite, folder=plan.folder)
-    return RigFiles(rig=rig, files=files)
+        files = plan.register.write({plan.folder / name: own for name, own in contents.items()})
+    return RigFiles(rig=rig, files=files, removed=plan.register.removed)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -172,7 +179,7 @@ class _RigPlan:
         target: what the cameras see.
         are_films: whether the inputs are films.
         folder: where files go.
-        page: the page, if one is made.
+        with_page: whether a page about the rig is made.
         register: of all that is read and written.
 
     """
@@ -183,23 +190,13 @@ class _RigPlan:
     target: TargetSource
     are_films: bool
     folder: Path
-    page: Path | None
+    with_page: bool
     register: Plan
 
     @property
     def frames(self) -> Path:
         """Where chosen frames of films go."""
-        return self.folder / "frames"
-
-    @property
-    def corners(self) -> dict[str, Path]:
-        """Of each camera, its corners.csv."""
-        return {name: self.folder / name / "corners.csv" for name in self.cameras}
-
-    @property
-    def refine_target(self) -> RefineTarget:
-        """What of the target is fitted."""
-        return self.options.refine_target or "auto"
+        return self.folder / FRAMES
 
     @property
     def matching(self) -> str:
@@ -210,7 +207,6 @@ class _RigPlan:
 
 
 def _plan(options: RigOptions, run: Run) -> _RigPlan:
-    from cubicfish_cli.core_table import CALIBRATION_FILES
     from cubicfish_cli.extensions.rigs.inputs import check_camera_inputs, is_calibrated, read_for
     from cubicfish_cli.extensions.rigs.naming import named_cameras, named_lenses
     from cubicfish_cli.observe import films_among
@@ -226,29 +222,28 @@ def _plan(options: RigOptions, run: Run) -> _RigPlan:
     elif check_camera_inputs(inputs, target, run) and options.refine_target is not None:
         raise UsageError("--refine-target is of a target, and 2D-3D pairs have none: leave it out")
     if all(name in lenses or is_calibrated(path) for name, path in cameras.items()):
-        for name, given in (
-            ("--hold-lenses", options.hold_lenses),
-            ("--refine-target", options.refine_target is not None),
-        ):
-            if given:
-                raise UsageError(f"{name} is of cameras that are calibrated here: leave it out")
+        _refuse_options_of_fits(options)
     run.date()  # said before the work if it cannot be
+    register = Plan(run).reads(read_for(inputs), target, options.shots, options.times, lenses)
     with_page = options.report and not extra.missing(extra.REPORT)
-    plan = _RigPlan(
+    refined, page_file = (folder / name for name in (CALIBRATION_FILES["target"], PAGE))
+    register.leaves(refined, page_file)
+    register.writes(
+        folder / "rig.yaml",
+        *(path for name in cameras for path in camera_files(folder, name, _OF_CAMERA).values()),
+        *([refined] if options.refine_target != "off" else []),
+        *([page_file] if with_page else []),
+    )
+    return _RigPlan(
         options=options,
         cameras=cameras,
         lenses=lenses,
         target=target,
         are_films=bool(films),
         folder=folder,
-        page=folder / PAGE if with_page else None,
-        register=Plan(run).reads(read_for(inputs), target, options.shots, options.times, lenses),
+        with_page=with_page,
+        register=register,
     )
-    pages = [] if plan.page is None else [plan.page]
-    own_files = [folder / name / "camera.yaml" for name in cameras]
-    refined = [] if options.refine_target == "off" else [folder / CALIBRATION_FILES["target"]]
-    plan.register.writes(folder / "rig.yaml", *pages, *own_files, *plan.corners.values(), *refined)
-    return plan
 
 
 def _refuse_unused(options: RigOptions, inputs: Sequence[Path], films: Sequence[Path]) -> None:
@@ -266,6 +261,16 @@ def _refuse_unused(options: RigOptions, inputs: Sequence[Path], films: Sequence[
         raise UsageError(f"--shots {options.shots} says what is a shot: leave --tolerance out")
 
 
+def _refuse_options_of_fits(options: RigOptions) -> None:
+    """Refuse what says how cameras are calibrated, where all of them are already."""
+    for name, given in (
+        ("--hold-lenses", options.hold_lenses),
+        ("--refine-target", options.refine_target is not None),
+    ):
+        if given:
+            raise UsageError(f"{name} is of cameras that are calibrated here: leave it out")
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Seen:
     """What the cameras saw.
@@ -273,6 +278,7 @@ class _Seen:
     Attributes:
         inputs: of each camera by name, its corners or points.
         lenses: of those that are calibrated already.
+        matching: which photos are of one shot, as :func:`calibrate_rig` is told it.
         frames: of films, those that were chosen.
         motion: of films, how corners move.
 
@@ -280,6 +286,7 @@ class _Seen:
 
     inputs: Mapping[str, Inputs]
     lenses: Mapping[str, Calibration | CameraFile]
+    matching: Mapping[str, Any]
     frames: Sequence[ShotFrame]
     motion: Mapping[str, CornerMotion]
 
@@ -290,6 +297,7 @@ def _observe(plan: _RigPlan, run: Run) -> _Seen:
     from cubicfish_cli.extensions.rigs.inputs import load_camera_inputs
     from cubicfish_cli.films.scan import room_for_frames
 
+    options, matching = plan.options, _read_matching(plan)
     lenses: dict[str, Calibration | CameraFile] = {
         name: load_camera(one) if isinstance(one, Path) else one
         for name, one in plan.lenses.items()
@@ -305,9 +313,10 @@ def _observe(plan: _RigPlan, run: Run) -> _Seen:
                 plan.target.load(),
                 run,
                 plan.register,
-                most=plan.options.most or MOST,
-                tolerance=plan.options.tolerance,
+                most=options.most or MOST,
+                tolerance=options.tolerance,
             )
+            matching["shots"] = [(one.shot, one.camera, one.picture.name) for one in frames]
         with keeping_frames(frames, plan.frames):
             for name, path in plan.cameras.items():
                 run.listener.tell(Event.CAMERA, name=name, path=path)
@@ -318,53 +327,52 @@ def _observe(plan: _RigPlan, run: Run) -> _Seen:
                     lenses.setdefault(name, camera)
                 if shown:
                     motion[name] = measure_motion(shown, inputs[name].pairs, run.listener)
-    return _Seen(inputs=inputs, lenses=lenses, frames=frames, motion=motion)
+    return _Seen(inputs=inputs, lenses=lenses, matching=matching, frames=frames, motion=motion)
+
+
+def _read_matching(plan: _RigPlan) -> dict[str, Any]:
+    """Which photos are of one shot, and when they were taken: before these are searched."""
+    from cubicfish_cli.extensions.rigs.tables import load_shots, load_times
+
+    shots, times = plan.options.shots, plan.options.times
+    return {
+        "shots": plan.matching if shots is None else load_shots(Path(shots)),
+        "tolerance": plan.options.tolerance,
+        "times": None if times is None else load_times(Path(times), list(plan.cameras)),
+    }
 
 
 def _fit(plan: _RigPlan, seen: _Seen, run: Run) -> Rig:
     from cubicfish import calibrate_rig
-    from cubicfish.rigs import load_shots, load_times
+    from cubicfish_cli.extensions.rigs.words import rig_with_texts
 
-    options, first = plan.options, next(iter(seen.inputs.values()))
-    rows = [(one.shot, one.camera, one.picture.name) for one in seen.frames]
-    if options.shots is not None:
-        rows = load_shots(Path(options.shots))
-    times = None
-    if options.times is not None:
-        times = load_times(Path(options.times), list(plan.cameras))
+    options, observed = plan.options, list(seen.inputs.values())
+    how: dict[str, Any] = {
+        "hold_lenses": options.hold_lenses,
+        "refine_target": options.refine_target or "auto",
+    }
     rig = calibrate_rig(
         {name: own.given for name, own in seen.inputs.items()},
-        first.pairs.target,
-        shots=rows or plan.matching,
-        tolerance=options.tolerance,
-        times=times,
+        observed[0].pairs.target,
         moving=seen.motion,
         known=seen.lenses,
-        hold_lenses=options.hold_lenses,
-        refine_target=plan.refine_target,
         listener=run.listener,
+        **seen.matching,
+        **how,
     )
-    asked_for = {
-        "hold_lenses": options.hold_lenses,
-        "refine_target": plan.refine_target,
-        "shots": plan.matching,
-    }
-    files = [file for own in seen.inputs.values() for file in own.files]
-    return replace(rig, made_by=run.made_by(asked_for, first.target_file, files))
+    made_by = origin(observed, {**how, "shots": plan.matching}, run)
+    return rig_with_texts(replace(rig, made_by=made_by))
 
 
-def _make_contents(plan: _RigPlan, rig: Rig, seen: _Seen, run: Run) -> dict[Path, Content]:
-    """The contents of all files, rig.yaml first: it is written last."""
+def _make_contents(plan: _RigPlan, rig: Rig, seen: _Seen, run: Run) -> dict[str, Content | None]:
+    """What files hold, by their names in the folder; rig.yaml, which is first, is written last."""
     from cubicfish_cli.stages import corners_content
 
-    contents: dict[Path, Content] = {plan.folder / name: text for name, text in rig.texts().items()}
-    for name, path in plan.corners.items():
-        contents[path] = corners_content(seen.inputs[name].pairs)
-    if plan.page is not None:
-        from cubicfish_cli.extensions.rigs.page import rig_html
-
-        run.listener.progress("Making the report")
-        contents[plan.page] = rig_html(rig)
+    contents: dict[str, Content | None] = {**rig.texts()}
+    for name, own in seen.inputs.items():
+        contents[f"{name}/{CALIBRATION_FILES['corners']}"] = corners_content(own.pairs)
+    if plan.with_page:
+        contents[PAGE] = page(Place("rigs", f"{__package__}.page:rig_html"), rig, run=run)
     return contents
 
 
@@ -395,4 +403,5 @@ def command(made: RigFiles, given: RigOptions, how: How) -> None:
         print_rig(made.rig)
         result()
         print_wrote(made.files)
+    print_removed(made.removed)
     enforce_max_rms(made.rig.fit.rms_px, how.max_rms)

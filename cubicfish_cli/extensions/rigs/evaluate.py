@@ -60,10 +60,10 @@ def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = Run()) -> RigE
 
     """
     from cubicfish import evaluate_rig, load_rig
-    from cubicfish.rigs import load_times
     from cubicfish_cli.core_table import CALIBRATION_FILES
     from cubicfish_cli.extensions.rigs.inputs import check_camera_inputs, load_camera_inputs
     from cubicfish_cli.extensions.rigs.naming import owners_of
+    from cubicfish_cli.extensions.rigs.tables import load_times
 
     known, inputs = load_rig(options.rig), paths_of(options.cameras)
     names = [one.name for one in known.cameras]

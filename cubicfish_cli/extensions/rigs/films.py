@@ -28,10 +28,11 @@ from cubicfish.rigs import CornerMotion
 from cubicfish_cli.extensions.rigs.film_clocks import FilmMotion, match_films
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out
 from cubicfish_cli.films.choose import Seen, choose_shots
-from cubicfish_cli.films.frame_search import Found, why_ended
+from cubicfish_cli.films.frame_search import Found
 from cubicfish_cli.films.scan import Measured, report_film, scan, still_px
 from cubicfish_cli.films.source import open_films
 from cubicfish_cli.plan import Plan
+from cubicfish_cli.words.events import why_ended
 
 # Of so many moments for each that may be chosen the corners are looked for.
 _LOOKED_AT = 2
@@ -201,7 +202,9 @@ def _choose(
     sizes = [one.film.size for one in measured.values()]
     choice = choose_shots(shots, sizes, most, [still_px(size) for size in sizes])
     figures = {"chosen": len(choice.order), "shots": len(shots)}
-    run.listener.tell(Event.SHOTS_CHOSEN, **figures, ended=why_ended(choice, "shot"))
+    run.listener.tell(
+        Event.SHOTS_CHOSEN, **figures, ended=why_ended(choice.ended, len(choice.order), "shot")
+    )
     return {
         row: [column for column, one in enumerate(shots[row]) if one is not None and one.corners]
         for row in sorted(choice.order)

@@ -33,7 +33,7 @@ def named_cameras(
         UsageError: they are fewer than two, or names are missing, double or none for files.
 
     """
-    from cubicfish.rigs import refuse_name
+    from cubicfish.rigs import RigCamera
 
     if isinstance(cameras, Mapping):
         inputs, called = paths_of(list(cameras.values())), list(cameras)
@@ -51,7 +51,7 @@ def named_cameras(
             "--names"
         )
     for name in called:
-        refuse_name(name, "camera", UsageError)
+        RigCamera.refuse_name(name, "camera", UsageError)
     return dict(zip(called, inputs, strict=True))
 
 

@@ -1,18 +1,17 @@
 """The shots of a rig, and what a run renders of each: a picture of all that its cameras see."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy.typing as npt
 
-from cubicfish import Listener, UndistortMap, ViewError
+from cubicfish import Listener, UndistortMap
 from cubicfish.photos.photos import natural_key, photo_size
-from cubicfish.rigs import match_shots
+from cubicfish.rigs import Body, match_shots
 from cubicfish.views import ChosenView, Interpolation
 from cubicfish_cli.extensions.rigs.naming import owners_of
-from cubicfish_cli.extensions.rigs.panorama import Body, Panorama, build_panorama
 from cubicfish_cli.inputs.paths import named_photos
 from cubicfish_cli.undistortion.batch import MAKING, Job, Size, Views
 
@@ -34,7 +33,7 @@ class RigViews(Views):
         """
         self._body, self.interpolation = body, interpolation
         self._view = replace(view, camera=None)  # what several see belongs to none
-        self._joined: Panorama | None = None
+        self._joined: Any = None  # its panorama, once it is made
 
     def __getstate__(self) -> dict[str, Any]:
         """Travel without the maps, which are quicker made than sent."""
@@ -54,31 +53,20 @@ class RigViews(Views):
         """The picture of a shot."""
         return {"": self._make_panorama().render(photos, self.interpolation)[0]}
 
-    def _make_panorama(self) -> Panorama:
+    def _make_panorama(self) -> Any:
         """Made once, from any thread."""
         with MAKING:
             if self._joined is None:
-                self._joined = build_panorama(self._body, self._view.first)
+                self._joined = self._body.panorama(self._view.first)
             return self._joined
 
 
-def body_for_photos(body: Body, shots: Mapping[str, Shot]) -> Body:
-    """The cameras for photos of the size of each one's first, an exact rescale where it differs.
-
-    Raises:
-        ViewError: it is none.
-
-    """
-    cameras = []
-    for one in body.cameras:
-        first = next((photos[one.name] for photos in shots.values() if one.name in photos), None)
-        if first is not None:
-            try:
-                one = replace(one, camera=one.camera.for_photos(photo_size(first)))
-            except ViewError as problem:
-                raise ViewError(f"camera {one.name}: {problem}") from problem
-        cameras.append(one)
-    return replace(body, cameras=tuple(cameras))
+def sizes_of(shots: Iterable[Shot]) -> dict[str, Size]:
+    """The size of each camera's first photo."""
+    first: dict[str, Path] = {}
+    for photos in shots:
+        first = {**photos, **first}
+    return {name: photo_size(photo) for name, photo in first.items()}
 
 
 def shots_of(

@@ -87,10 +87,10 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = Run()) -> Un
 
     """
     from cubicfish import load_rig
+    from cubicfish.rigs import Body
     from cubicfish.views import choose_view
     from cubicfish_cli.commands.pictures import plan_pictures, write_pictures
-    from cubicfish_cli.extensions.rigs.panorama import Body
-    from cubicfish_cli.extensions.rigs.shots import RigViews, body_for_photos, shots_of
+    from cubicfish_cli.extensions.rigs.shots import RigViews, shots_of, sizes_of
 
     known = load_rig(options.rig)
     names, sources = [one.name for one in known.cameras], paths_of(named_sources(options.photos))
@@ -99,13 +99,14 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = Run()) -> Un
     jobs = {name: (f"{name}{suffix}", own) for name, own in shots.items()}
     register = Plan(run, skip_existing=options.skip_existing).reads(known.files)
     alone = len(shots) == 1
-    plan = plan_pictures("shot", jobs, Path(options.output), options, run, register, alone=alone)
+    plan = plan_pictures("shot", jobs, Path(options.output), options, register, alone=alone)
     view = options.view or ViewOptions()
     if isinstance(view, ViewOptions) and view.kind is None:
         view = replace(view, kind="equirectangular")
-    body = body_for_photos(Body(cameras=known.cameras, distance=options.distance), shots)
+    body = Body(cameras=known.cameras, distance=options.distance)
+    body = body.for_photos(sizes_of(shots.values()))
     views = RigViews(body, choose_view(body, view), options.interpolation)
-    return write_pictures(plan, views, model=known.files[0])
+    return write_pictures(plan, views, run, model=known.files[0])
 
 
 @as_command(

@@ -90,7 +90,7 @@ def mirrored(pairs, which):
 
 
 def test_a_finding_is_one_line_and_plain_data():
-    figures = {"in_order": True, "where": "from", "focal_off": 0.05, "own_px": 0.1}
+    figures = {"in_order": True, "where": "from", "rest": [], "focal_off": 0.05, "own_px": 0.1}
     finding = Finding(
         code=Code.ZOOM, severity=Severity.BAD, images=("a",), because="own_lens", figures=figures
     )

@@ -67,7 +67,7 @@ def test_they_are_listed_without_one(pairs, fit):
         assert np.isnan([one.rms_px, one.median_px, one.p95_px, one.max_px]).tolist() == (
             [unplaced] * 4
         )
-        assert (Code.NO_ERROR in [finding.code for finding in reported]) is unplaced
+        assert (Code.NO_ERROR in [finding.code for finding in reported.reasons]) is unplaced
 
 
 def test_they_have_errors_where_corners_have_no_places_of_their_own(pairs):

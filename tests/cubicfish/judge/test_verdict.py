@@ -46,7 +46,7 @@ def judged(
 
 
 def reported_of_photos(record: dict[str, Any]) -> list[tuple[Finding, ...]]:
-    return photo_verdicts(FitRecord.of(record), SIZE)
+    return [judged.reasons for judged in photo_verdicts(FitRecord.of(record), SIZE)]
 
 
 def test_a_good_fit_is_good() -> None:
@@ -206,7 +206,7 @@ def test_a_field_that_is_a_small_part_of_the_photo_is_reported() -> None:
 def test_a_real_fit_is_judged_by_its_record(fitted: Calibration) -> None:
     said = verdict(fitted.fit, fitted.camera.image_size, fitted.camera.outline())
     assert [reason.code for reason in said.reasons] == [Code.NOT_HELD_OUT]
-    assert photo_verdicts(fitted.fit.per_image, (), fitted.camera.image_size) == [()] * 10
+    assert [judged.level for judged in fitted.photo_verdicts] == ["good"] * 10
 
 
 def test_photos_beside_each_other() -> None:

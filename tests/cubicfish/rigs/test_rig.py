@@ -691,3 +691,17 @@ def test_cameras_that_name_a_symmetric_board_otherwise_are_one_rig(named: str) -
     one = [pairs.select(pairs.image == pairs.images.index(name)).only_seen()[0]
            for pairs in (shown[0], turned)]  # fmt: skip
     assert evaluate_rig(rig, dict(zip(NAMES, one, strict=True))).rms_px < 0.5
+
+
+@pytest.mark.slow
+def test_corners_bring_their_target() -> None:
+    pairs, _ = simulated()
+    known = {name: plain().camera(name) for name in NAMES}
+    cameras = dict(zip(NAMES, pairs, strict=True))
+    given = calibrate_rig(cameras, corner_target(), known=known)
+    brought = calibrate_rig(cameras, known=known)
+    assert brought.units == given.units == "mm"
+    assert (brought.cameras[1].translation == given.cameras[1].translation).all()
+    inches = replace(corner_target(), units="in")
+    with pytest.raises(FitError, match="the rig's lengths are in mm and the target's in in"):
+        evaluate_rig(given, {name: own.with_target(inches) for name, own in cameras.items()})

@@ -13,10 +13,11 @@ import click
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from lenses import cubic_camera
 from running import SAMPLE, Run
 from terminals import Screen, on_terminal, unstyled, visible, widest
 
-from cubicfish.judge import ErrorStatistics, FitRecord, PhotoRecord
+from cubicfish.judge import CameraFacts, ErrorStatistics, FitRecord, PhotoRecord
 from cubicfish.judge.fit_record import DroppedCorner
 from cubicfish_cli.terminal.figures import PhotoRow, fitted_rows, print_photo_table
 from cubicfish_cli.terminal.parameters import SIZE
@@ -227,9 +228,10 @@ def test_a_photo_that_takes_no_part_has_its_row(show) -> None:  # type: ignore[n
     photos = (PhotoRecord(image="a.jpg", corners=100, rms_px=0.1),)
     dropped = tuple(DroppedCorner(image=f"{name}.jpg") for name in "abb")
     by_board, lost = {"a.jpg": {"left": 100}}, {"b.jpg": "left out"}
-    rows = fitted_rows(
-        FitRecord(per_image=photos, dropped_corners=dropped), (960, 720), by_board, lost
+    known = CameraFacts(
+        camera=cubic_camera(), fit=FitRecord(per_image=photos, dropped_corners=dropped)
     )
+    rows = fitted_rows(known, by_board, lost)
     assert [(row.name, row.words, row.level) for row in rows] == [
         ("a.jpg", "1 dropped", "care"),
         ("b.jpg", "left out", "bad"),

@@ -7,19 +7,20 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from running import ROOT, SAMPLE, Run, invoke_cli
 
-from cubicfish import CubicfishError
+from cubicfish import CubicfishError, Finding
 from cubicfish_cli import extension_guard
 from cubicfish_cli.extension_guard import ExtensionWarning, extensions, read_formats
 from cubicfish_cli.extension_table import GROUP
 from cubicfish_cli.foreign.foreign_files import read_foreign
 from cubicfish_cli.terminal import start
-from cubicfish_cli.words.catalogue import catalogue
+from cubicfish_cli.words.sentences import all_words, record_of, render
 
 SHARED = ROOT.parent / "shared" / "data" / "faults" / "extensions"
 IMPORTED = "from cubicfish_cli.extension_table import Extension, Input, Output\n"
@@ -117,7 +118,7 @@ def install(folder: Path, module: str, **others: str) -> None:
 def forget() -> None:
     """Know nothing of extensions, as a new process does."""
     extension_guard._loaded.cache_clear()
-    catalogue.cache_clear()
+    all_words.cache_clear()
     for name in [name for name in sys.modules if name.startswith("evil")]:
         del sys.modules[name]
 
@@ -220,6 +221,8 @@ def test_a_command_that_is_none_takes_its_extension_along(
         "outputs={'mine': Output(file='mine.txt', content='evilext:fail')}",
         "outputs={'mine': Output(file='mine.txt', content='evilext:refuse')}",
         "outputs={'mine': Output(file='mine.txt', content='evilext:NONE')}",
+        "words='evilext:NONE'",
+        "words='nope_nope:WORDS'",
     ],
 )
 @pytest.mark.usefixtures("quick_fit")
@@ -242,6 +245,28 @@ def test_broken_ones_of_others(site: Path, tmp_path: Path, name: str | None) -> 
     source = (SHARED / name / "evilext.py").read_text()
     install(site, re.sub(r"cubicfish_cli\.app\.extensions\b", IMPORTED.split()[1], source))
     check_that_it_is_left_out(site, tmp_path / "cal")
+
+
+def test_findings_of_an_extension_have_codes_and_words_of_its_own(site: Path) -> None:
+    install(
+        site,
+        f"""{IMPORTED}
+from cubicfish.judge.finding import FindingText
+from cubicfish_cli.words.table import Words
+WORDS = Words()
+@WORDS.finding("evil_moon", "full")
+@WORDS.finding("dots")
+def moon(board: str, dots: int):
+    return FindingText(f"{{board}}: {{dots}} moons", do="wait")
+EXTENSION = Extension(words="evilext:WORDS")
+""",
+    )
+    finding = Finding(code="evil_moon", case="full", boards=("wall",), figures={"dots": 2, "x": 1})
+    assert render(finding).line == "wall: 2 moons; wait"
+    assert record_of(finding)["code"] == "evil_moon"
+    # What the program says it goes on saying.
+    assert "a grid of about 2 dots" in render(replace(finding, code="dots", case="")).line
+    assert str(replace(finding, code="evil_sun")) == render(replace(finding, code="evil_sun")).line
 
 
 def test_what_needs_one_goes_with_it(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,103 +1,153 @@
 """What is told: one home for all wording, and no decision anywhere that reads a sentence."""
 
 import ast
-import re
-import string
-from collections.abc import Iterator
+import inspect
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
+import numpy as np
 import pytest
 
 import cubicfish
 import cubicfish_cli
-from cubicfish import Event, Finding, PhotoError
-from cubicfish.judge import Severity, level_of
+from cubicfish import Event, Finding, PhotoError, Target
+from cubicfish.diagnosis import ObjectFacts, Turn
+from cubicfish.judge import Severity
 from cubicfish.judge.codes import Code, Remedy, remedy_of
-from cubicfish.judge.finding import FindingText, of_record
+from cubicfish.judge.finding import FindingText, level_of, of_record
 from cubicfish_cli.words.camera import photo_words
-from cubicfish_cli.words.catalogue import catalogue
-from cubicfish_cli.words.phrases import Sentences, percent
-from cubicfish_cli.words.sentences import render, render_event, with_text
+from cubicfish_cli.words.events import OPTIONS, why_ended
+from cubicfish_cli.words.phrases import percent
+from cubicfish_cli.words.sentences import all_words, parameters, render, with_text
+from cubicfish_cli.words.target import advise
 
 PACKAGE = Path(cubicfish_cli.__file__).parent
 LIBRARY = Path(cubicfish.__file__).parent
 WORDING = Path(__file__).with_name("wording.txt")
-SAYINGS = catalogue().finding_texts
 
 # --------------------------------------------------------------------------------- wording
 
-ZOOMED = Finding(code=Code.ZOOM, text=FindingText("it is off", do="look"))
-# Figures that are names; all others are numbers.
+Kind = tuple[str, str]
 NAMES = {
-    "other": "wall", "worst": "b.png", "units": "mm", "real": "25 mm for 24", "scale": "0.50",
-    "first_square": "light", "board": "wall",
-    "says": "floor 9x6", "problem": "c.png is empty", "what": "it is",
-    "both": ["floor", "wall"], "repeats": ["a.png = b.png"], "light": True, "in_order": True,
-    "counts": [{"form": "one", "board": "wall", "columns": 9, "rows": 6, "drawn_columns": 10,
-                "drawn_rows": 6}],
+    "of_shots": [("0007",)], "cameras": [("left", "right"), ("left",)],
+    "images": [("a.png",), ("a.png", "b.png")], "boards": [("floor", "wall"), ("floor",)],
+    "rest": [["c.png", "d.png"]], "both": [["floor", "wall"]], "repeats": [["a.png = b.png"]],
+    "counts": [[{"board": "wall", "columns": 9, "rows": 6, "drawn_columns": 10, "drawn_rows": 6}]],
 }  # fmt: skip
-NAMES |= {"rest": ["c.png", "d.png"], "reason": ZOOMED, "first": ZOOMED}
-NAMES |= {"path": "a.yaml", "name": "left", "film": "a.mp4", "folder": "frames", "line": "it is"}
-NAMES |= {"video": "flat.mp4", "axis": "(0, 0, 1)", "point": "(5, 5, 0)", "moved": "floor → wall"}
-NAMES |= {"turned": "Turned by 180°", "onto": "wall", "pairs": "floor and wall", "more_pairs": ""}
-NAMES |= {"some": "floor", "alike": "floor could be wall"}
-NAMES |= {"cameras": ["left", "right"], "of_shots": ["0007"]}
-IMAGES, BOARDS = ("a.png", "b.png"), ("floor", "wall")
+TEXTS_OF = {
+    "other": "wall", "worst": "b.png", "units": "mm", "real": "25 mm for 24", "scale": "0.50",
+    "says": "floor 9x6", "problem": "c.png is empty", "seen": "up to 9x6", "line": "it is",
+    "path": "a.yaml", "name": "left", "film": "a.mp4", "folder": "frames", "video": "flat.mp4",
+    "ended": "as many as were asked for", "first_square": "light", "first": "right",
+    "pictures": "2 photos", "refined": "target.refined.yaml",
+}  # fmt: skip
+ZOOMED = Finding(code=Code.ZOOM, text=FindingText("it is off", do="look"))
+# Findings about two boards or cameras.
+OF_TWO = (Code.BOARD_NAMES, Code.CLOCKS_DIFFER, Code.FEW_COMMON_SHOTS)
+# The finding itself has these.
+OF_FINDING = {"images", "boards", "cameras", "of_shots", "code", "case", "board"}
 
 
-def fields(text: str) -> Iterator[str]:
-    for _, name, spec, _ in string.Formatter().parse(text):
-        if name is not None:
-            yield re.split(r"[.[]", name)[0]
-            yield from fields(spec or "")
+def values_of(name: str, hint: Any) -> list[Any]:
+    """Values of a figure: each word that it may be, or a made-up one."""
+    if get_origin(hint) is Literal:
+        return list(get_args(hint))
+    kinds = {bool: [True, False], int: [2, 1], float: [2.0], FindingText: [ZOOMED]}
+    if hint in kinds:
+        return kinds[hint]
+    return NAMES.get(name) or [TEXTS_OF[name]]
 
 
-def sample(texts: tuple[str, ...], number: int) -> dict[str, Any]:
-    """Figures for some templates: each number is ``number``."""
-    values: dict[str, Any] = {}
-    for name in (name for text in texts for name in fields(text)):
-        phrases = catalogue().phrases.get(name)
-        if name in NAMES:
-            values[name] = NAMES[name]
-        elif phrases is not None:
-            values[name] = next(iter(phrases))
-            values |= sample(tuple(phrases.values()), number)
-            values[name] = next(iter(phrases))
-        elif name not in ("images", "boards"):
-            values[name] = number
-    return values
+def samples(function: Callable[..., Any] | FindingText) -> Iterator[dict[str, Any]]:
+    """Figures for a sentence: in each further one a single figure is another."""
+    hints = {} if isinstance(function, FindingText) else get_type_hints(function)
+    hints.pop("return", None)
+    hints = {name: hint for name, hint in hints.items() if name not in {"code", "case", "board"}}
+    values = {name: values_of(name, hint) for name, hint in hints.items()}
+    if hints.get("photos") is int and inspect.signature(function).parameters["photos"].default == 0:
+        values["photos"] = [0, 2]  # of one photo it is not said
+    first = {name: some[0] for name, some in values.items()}
+    yield first
+    for name, some in values.items():
+        yield from ({**first, name: one} for one in some[1:])
+
+
+def finding_of(kind: Kind, figures: dict[str, Any]) -> Finding:
+    about = {
+        to: figures[name]
+        for name, to in (("images", "images"), ("cameras", "cameras"), ("of_shots", "shots"))
+        if name in figures
+    }
+    boards = figures.get("boards", ("floor", "wall"))
+    own = {name: value for name, value in figures.items() if name not in OF_FINDING}
+    return Finding(code=kind[0], case=kind[1], boards=boards, figures=own, **about)
+
+
+def lines_of(kind: Kind) -> list[str]:
+    findings = [finding_of(kind, figures) for figures in samples(all_words().findings[kind])]
+    of_two = kind[1] == "either" or kind[0] in OF_TWO
+    enough = [one for one in findings if not of_two or 1 not in (len(one.boards), len(one.cameras))]
+    return [render(one).line for one in enough]
+
+
+AXES = {"x_axis": [1, 0, 0], "y_axis": [0, 1, 0]}
+BOARD = {"type": "checkerboard", "corners": [9, 6], **AXES}
+SQUARES = {"floor": 30, "tiny": 0.1, "huge": 3000}
+CHECKED = Target.from_data(
+    {
+        "units": "mm",
+        "boards": [
+            {"name": name, "square": size, "origin": [0, 0, size], **BOARD}
+            for name, size in SQUARES.items()
+        ],
+    }
+)
+
+
+def all_facts() -> Iterator[ObjectFacts]:
+    """Facts about targets, so that everything is said of them that can be."""
+    turn = Turn(boards=("floor",), onto=("floor",), angle_deg=180.0, axis=np.array([0.0, 0, 1]))
+    plain = ObjectFacts(
+        corners=54, planes=1, flat=True, named_by="geometry", plain=("floor",), symmetries=(),
+        look_alikes=(), crossing=(),
+    )  # fmt: skip
+    two = replace(plain, plain=("floor", "wall"))
+    yield plain
+    yield two
+    yield replace(plain, symmetries=(turn,) * 6)
+    yield replace(two, symmetries=(replace(turn, boards=two.plain, onto=two.plain[::-1]),))
+    yield replace(two, flat=False, look_alikes=(two.plain,), crossing=(two.plain,))
+    yield replace(two, look_alikes=(two.plain, ("left",), ("right",)))
+    yield replace(two, look_alikes=(("left",),))
+    yield replace(plain, named_by="markers")
+    yield replace(plain, named_by="markers", plain=())
+    yield replace(plain, named_by="table")
 
 
 def all_wording() -> str:
-    """Every sentence with made-up figures, of one photo and of two."""
-    lines = []
-    for (code, case), saying in SAYINGS.items():
+    """Every sentence with made-up figures."""
+    known, lines = all_words(), []
+    for code, case in known.findings:
         lines.append(f"\n{code}{f' / {case}' * bool(case)}: {remedy_of(code, case)}")
-        figures = sample(saying, 2)
-        said = [
-            render(
-                Finding(code=code, case=case, images=IMAGES[:n], boards=BOARDS, figures=figures)
-            ).line
-            for n in (1, 2)
-        ]
-        lines += [f"  {line}" for line in dict.fromkeys(said)]
-    sentences = Sentences()
-    for name, phrases in [("because", catalogue().because), *catalogue().phrases.items()]:
-        lines.append(f"\n{name}")
-        for key, text in phrases.items():
-            values = {**sample((text,), 2), "images": IMAGES, "boards": BOARDS}
-            lines.append(f"  {key}: {sentences.vformat(text, (), values)}")
+        lines += [f"  {line}" for line in dict.fromkeys(lines_of((code, case)))]
+    for title, functions in (("because", known.evidence), ("events", known.events)):
+        lines.append(f"\n{title}")
+        for key, function in functions.items():
+            said = [function(**figures) for figures in samples(function)]
+            lines += [f"  {key}: {line}" for line in dict.fromkeys(said)]
     lines.append("\nchecks")
-    for name, text in catalogue().checks.items():
-        values = {**sample((text,), 2), "boards": ", ".join(BOARDS)}
-        lines.append(f"  {name}: {sentences.vformat(text, (), values)}")
+    checks = [f"{topic}: {text}" for facts in all_facts() for topic, text in advise(CHECKED, facts)]
+    lines += [f"  {line}" for line in dict.fromkeys(checks)]
+    lines.append("\nended")
+    lines += [
+        f"  {ended}: {why_ended(ended, chosen, 'frame')}"
+        for ended in get_args(get_type_hints(why_ended)["ended"])
+        for chosen in (1, 2)
+    ]
     lines.append("\noptions")
-    lines += [f"  {name}: {option}" for name, option in catalogue().options.items()]
-    lines.append("\nevents")
-    for name, text in catalogue().events.items():
-        figures = sample((text,), 2)
-        lines.append(f"  {name}: {render_event(Event(name), figures)}")
+    lines += [f"  {name}: {option}" for name, option in OPTIONS.items()]
     return "\n".join(lines).lstrip() + "\n"
 
 
@@ -107,22 +157,32 @@ def test_the_wording_is_as_recorded() -> None:
 
 
 def test_every_code_has_words_and_all_words_a_code() -> None:
-    assert {code for code, _ in SAYINGS} == {*Code} - {Code.UNKNOWN}
-    assert set(catalogue().events) == {event.value for event in Event}
-    phrases = catalogue().phrases
-    grids = set(phrases["why"])
-    assert grids == set(phrases["help"]) <= {code.value for code in Code}
+    assert {code for code, _ in all_words().findings} == {*Code} - {Code.UNKNOWN}
+    assert set(all_words().events) == {*Event}
+
+
+def test_sentences_say_the_figures_that_they_ask_for() -> None:
+    """A figure that no sentence shows need not be asked for."""
+    for key, function in all_words().findings.items():
+        if isinstance(function, FindingText):
+            continue
+        tree = ast.parse(inspect.getsource(function))
+        used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+        assert parameters(function) <= used, key
 
 
 def test_what_says_take_photos_is_mended_by_photos() -> None:
     """A remedy that programs read and one that people read are the same."""
-    for key, saying in SAYINGS.items():
+    for key in all_words().findings:
         photos = any(
-            word in saying.do for word in ("take more photos", "take photos", "take three")
+            word in line.partition("; ")[2]
+            for line in lines_of(key)
+            for word in ("take more photos", "take photos", "take three")
         )
         wants = remedy_of(*key) in (Remedy.TAKE_PHOTOS, Remedy.TAKE_AGAIN)
-        # Without --hold-out it is the option that helps first.
-        assert wants or not photos or key == ("not_held_out", ""), key
+        # Without --hold-out it is the option that helps first; and with the same target photos may.
+        others = (Code.NOT_HELD_OUT, ""), (Code.NOTHING_NAMED, "")
+        assert wants or not photos or key in others, key
 
 
 def test_a_remedy_that_begins_otherwise_asks_for_photos_all_the_same() -> None:
@@ -195,6 +255,7 @@ MATCHES = {"search", "match", "fullmatch", "sub", "findall", "split"}
 # Where sentences of other programs and libraries are read, which have no codes: file, function.
 FOREIGN = {
     ("workers/cluster.py", "connect"): "what distributed says, on one line",
+    ("extension_guard.py", "_read_formats"): "what Python says of a key that no format has",
     ("photos/photos.py", "decode_picture"): "whether OpenCV's limit of pixels was the reason",
     ("undistortion/map_formats.py", "write_exr"): "why OpenEXR could not write",
 }
@@ -363,7 +424,7 @@ def test_a_share_has_two_digits_or_more(share: float, said: str) -> None:
 
 
 def test_options_are_named_above_the_core_alone() -> None:
-    """The core names arguments, and the catalogue knows the option of each."""
+    """The core names arguments, and the program knows the option of each."""
     named = set()
     for path in LIBRARY.rglob("*.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
@@ -379,11 +440,8 @@ def test_options_are_named_above_the_core_alone() -> None:
                 named |= {key.value for key in value.keys if isinstance(key, ast.Constant)}
             text = node.value if isinstance(node, ast.Constant) else ""
             # A docstring there names an option of Kalibr's.
-            assert path.name in ("types.py", "pool.py", "shots.py") or " --" not in f" {text!s}", (
-                path,
-                text,
-            )
-    assert named == {*catalogue().options}
+            assert path.name == "types.py" or " --" not in f" {text!s}", (path, text)
+    assert named == {*OPTIONS}
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 from xml.etree import ElementTree
 
 import numpy as np
@@ -26,7 +27,7 @@ from cubicfish.judge.verdict import COVERAGE, verdict
 from cubicfish.models import angle_from_axis
 from cubicfish.solve import Poses
 from cubicfish.solve.subset import select
-from cubicfish.sufficiency import CoverageGaps, Knowledge, explain_insufficiency, side_of
+from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge, side_of
 from cubicfish_cli.extensions.advice.advise import advise, distances_within
 from cubicfish_cli.extensions.advice.limited_lens import limited_lens
 from cubicfish_cli.extensions.advice.proposals import place_words, tilt_words
@@ -377,14 +378,15 @@ FINE = {
 def test_verdict_and_advice_judge_alike_whether_photos_are_enough(changed, lacking):
     judged = verdict(FitRecord(**{**FINE, **changed}), IMAGE_SIZE)
     assert (judged.level == "good") == (lacking is None)
-    codes = [reason.code for reason in explain_insufficiency(judged)]
+    codes = [reason.code for reason in Goal.of(FitRecord(), IMAGE_SIZE).explain_unmet(judged)]
     assert codes == ([] if lacking is None else [lacking])
 
 
 def test_more_than_a_good_camera_may_be_asked_for():
     now, good = FieldUncertainty(median_px=0.05, p95_px=0.1), verdict(FitRecord(**FINE), IMAGE_SIZE)
-    assert explain_insufficiency(good, now, 0.2) == []
-    (reason,) = explain_insufficiency(good, now, 0.05)
+    goal = partial(Goal.of, FitRecord(), IMAGE_SIZE)
+    assert goal(0.2).explain_unmet(good, now) == []
+    (reason,) = goal(0.05).explain_unmet(good, now)
     assert "certain only to 0.100 px, where 0.05 px" in render(reason).line
     assert summed(np.arange(101.0)) == FieldUncertainty(median_px=50.0, p95_px=95.0)
 

@@ -5,6 +5,8 @@ or at a given distance. Where several see a pixel they are blended by how far it
 is from the edge of each one's field, so that no camera begins or ends with a step.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,20 +15,16 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import (
-    CubicCamera,
-    FloatArray,
-    Rig,
-    UndistortMap,
-    View,
-    ViewError,
-    build_map,
-    build_view,
-    undistort,
-)
-from cubicfish.rigs import RigCamera
-from cubicfish.views import CentralView, Interpolation, sees
-from cubicfish.views.view import matrix_of_rotation, rotation_vector
+from cubicfish.errors import ViewError
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.rigs.rig import Rig, RigCamera
+from cubicfish.types import FloatArray
+from cubicfish.views.choose import build_view
+from cubicfish.views.fields import sees
+from cubicfish.views.maps import UndistortMap, build_map
+from cubicfish.views.options import Interpolation
+from cubicfish.views.render import undistort
+from cubicfish.views.view import CentralView, View, matrix_of_rotation, rotation_vector
 
 Floats = npt.NDArray[np.float32]
 
@@ -67,6 +65,25 @@ class Body:
         """All around: where a field ends is asked ray by ray."""
         return 179.9
 
+    def for_photos(self, sizes: Mapping[str, tuple[int, int]]) -> Body:
+        """The same for photos of other sizes, each an exact rescale of its camera's.
+
+        Args:
+            sizes: (width, height) by camera; cameras that are not named stay as they are.
+
+        Raises:
+            ViewError: one is no rescale.
+
+        """
+        cameras = []
+        for one in self.cameras:
+            try:
+                size = sizes.get(one.name, one.camera.image_size)
+                cameras.append(replace(one, camera=one.camera.for_photos(size)))
+            except ViewError as problem:
+                raise ViewError(f"camera {one.name}: {problem}") from problem
+        return replace(self, cameras=tuple(cameras))
+
     def in_camera(self, one: RigCamera, rays: FloatArray) -> FloatArray:
         """Rays of the body (..., 3) -> points in a camera's frame, of any length where far."""
         if self.distance is None:
@@ -99,6 +116,28 @@ class Body:
         turn = one.rotation @ matrix_of_rotation(np.array(view.rotation))
         own = replace(view, rotation=rotation_vector(turn))
         return replace(build_map(one.camera, own), view=view)
+
+    def panorama(self, view: View) -> Panorama:
+        """What makes pictures of a view of the body's frame.
+
+        Raises:
+            ViewError: no camera sees anything of it.
+
+        """
+        names, maps, weights = [], [], []
+        for one in self.cameras:
+            made = self.map_of(one, view)
+            if not made.valid.any():
+                continue
+            inside = edge_distance(one.camera)
+            share = cv2.remap(inside, made.map_x, made.map_y, cv2.INTER_LINEAR)
+            share = np.maximum((share / inside.max()) ** _SHARPNESS, _LEAST_WEIGHT)
+            names.append(one.name)
+            maps.append(made)
+            weights.append(np.where(made.valid, share, np.float32(0)).astype(np.float32))
+        if not maps:
+            raise ViewError("no camera of the rig sees anything of this view: look elsewhere")
+        return Panorama(view=view, cameras=tuple(names), maps=tuple(maps), weights=tuple(weights))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -185,29 +224,6 @@ class Panorama:
         return np.where(shown[wide], mean, parts[0]).astype(parts[0].dtype), shown
 
 
-def build_panorama(body: Body, view: View) -> Panorama:
-    """Prepare to make pictures of a view of the body's frame.
-
-    Raises:
-        ViewError: no camera sees anything of it.
-
-    """
-    names, maps, weights = [], [], []
-    for one in body.cameras:
-        made = body.map_of(one, view)
-        if not made.valid.any():
-            continue
-        inside = edge_distance(one.camera)
-        share = cv2.remap(inside, made.map_x, made.map_y, cv2.INTER_LINEAR)
-        share = np.maximum((share / inside.max()) ** _SHARPNESS, _LEAST_WEIGHT)
-        names.append(one.name)
-        maps.append(made)
-        weights.append(np.where(made.valid, share, np.float32(0)).astype(np.float32))
-    if not maps:
-        raise ViewError("no camera of the rig sees anything of this view: look elsewhere")
-    return Panorama(view=view, cameras=tuple(names), maps=tuple(maps), weights=tuple(weights))
-
-
 def edge_distance(camera: CubicCamera) -> Floats:
     """(H, W) how far each pixel of a camera's photo is from the edge of its field, pixels.
 
@@ -252,4 +268,4 @@ def stitch(
         rig.camera(name)
     body = Body(cameras=rig.cameras, distance=distance)
     chosen = build_view(body, "equirectangular") if view is None else view
-    return build_panorama(body, chosen).render(dict(photos))[0]
+    return body.panorama(chosen).render(dict(photos))[0]

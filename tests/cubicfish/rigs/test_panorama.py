@@ -9,12 +9,12 @@ import pytest
 from saved_maps import every_pixel
 from scipy.spatial.transform import Rotation
 
-from cubicfish import CameraFileError, CubicCamera, ViewError, aligned_difference, load_camera
+from cubicfish import CameraFileError, CubicCamera, ViewError, load_camera, stitch
+from cubicfish.comparison import aligned_difference
 from cubicfish.models import cone_rays
-from cubicfish.rigs import RigCamera
+from cubicfish.rigs import Body, RigCamera
+from cubicfish.rigs.panorama import edge_distance
 from cubicfish.views import CentralView
-from cubicfish_cli import stitch
-from cubicfish_cli.extensions.rigs.panorama import Body, build_panorama, edge_distance
 from cubicfish_cli.viewpoints.truth import rotation_matrix
 from tests.cubicfish.rigs.test_stereo import calibrated as calibrated_pair
 
@@ -76,7 +76,7 @@ def test_the_camera_whose_axis_is_nearest_sees_a_ray(ring: Body) -> None:
 
 @pytest.mark.slow
 def test_far_things_are_where_they_belong_all_around(ring: Body) -> None:
-    made = build_panorama(ring, PANORAMA)
+    made = ring.panorama(PANORAMA)
     picture, shown = made.render(photos_of(ring, smooth, far))
     assert shown.mean() > 0.999
     true = smooth(PANORAMA.rays(every_pixel(PANORAMA)))
@@ -85,7 +85,7 @@ def test_far_things_are_where_they_belong_all_around(ring: Body) -> None:
 
 
 def test_no_camera_begins_or_ends_with_a_step(ring: Body) -> None:
-    made = build_panorama(ring, PANORAMA)
+    made = ring.panorama(PANORAMA)
     flat = {one.name: np.zeros(one.camera.image_size[::-1], np.float32) for one in ring.cameras}
     flat["front"] += 255
     picture, _ = made.render(flat)
@@ -120,17 +120,17 @@ def test_things_at_the_distance_that_is_named_join(ring: Body) -> None:
         return place + along * reach[..., None] - near.centre
 
     photos = photos_of(ring, smooth, sphere)
-    picture, shown = build_panorama(near, PANORAMA).render(photos)
+    picture, shown = near.panorama(PANORAMA).render(photos)
     true = smooth(PANORAMA.rays(every_pixel(PANORAMA)))
     # At the very edge of a field the photos' black shows through.
     assert np.quantile(np.abs(picture - true)[shown], 0.99) < 0.1
-    wrong, _ = build_panorama(ring, PANORAMA).render(photos)
+    wrong, _ = ring.panorama(PANORAMA).render(photos)
     assert np.median(np.abs(wrong - true)[shown]) > 1
 
 
 def test_photos_keep_their_nature_and_what_nobody_sees_is_black(ring: Body) -> None:
     two = Body(cameras=ring.cameras[:1])
-    made = build_panorama(two, PANORAMA)
+    made = two.panorama(PANORAMA)
     size = two.cameras[0].camera.image_size[::-1]
     for dtype, shape in ((np.uint8, ()), (np.uint8, (3,)), (np.uint16, (3,)), (np.uint8, (4,))):
         photo = np.full((*size, *shape), 77, dtype)
@@ -143,7 +143,7 @@ def test_photos_keep_their_nature_and_what_nobody_sees_is_black(ring: Body) -> N
 
 
 def test_what_does_not_go_together_is_said(ring: Body) -> None:
-    made = build_panorama(ring, PANORAMA)
+    made = ring.panorama(PANORAMA)
     photos = photos_of(ring, smooth, far)
     with pytest.raises(ViewError, match="differ in depth"):
         made.render({**photos, "left": photos["left"].astype(np.uint8)})
@@ -153,7 +153,7 @@ def test_what_does_not_go_together_is_said(ring: Body) -> None:
         made.render({})
     narrow = CentralView(kind="cylindrical", size=(20, 10), focal=200.0, rotation=(0.0, np.pi, 0.0))
     with pytest.raises(ViewError, match="no camera of the rig sees"):
-        build_panorama(Body(cameras=ring.cameras[:1]), narrow)
+        Body(cameras=ring.cameras[:1]).panorama(narrow)
 
 
 @pytest.mark.slow

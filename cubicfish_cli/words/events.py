@@ -1,0 +1,152 @@
+"""What is said while work is done, and what the command line calls the arguments of errors."""
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from cubicfish import Event
+from cubicfish_cli.words.phrases import pick, plural
+from cubicfish_cli.words.table import Words
+
+WORDS = Words()
+OPTIONS: Mapping[str, str] = {
+    "overwrite": "--overwrite",
+    "skip_existing": "--skip-existing",
+    "image_size": "--size WxH",
+    "max_angle_deg": "--max-angle",
+    "jobs": "--jobs 1",
+    "shots": "--shots",
+    "tolerance": "--tolerance",
+    "lift": "--lift ray",
+    "kind": "--view",
+    "size": "--size",
+    "hfov_deg": "--hfov",
+    "vfov_deg": "--hfov",
+    "second_angle": "--hfov ...x",
+    "both_angles": "--hfov 90x60",
+    "focal": "--scale",
+    "fit": "--fit",
+    "rotate_deg": "--rotate",
+    "plane": "'undistort --view plane:BOARD'",
+}
+"""What the command line calls the arguments that help against an error, by their names."""
+
+
+@WORDS.event(Event.TARGET)
+def _target(path: Any) -> str:
+    return f"Target: {path}."
+
+
+@WORDS.event(Event.CAMERA)
+def _camera(name: str, path: Any) -> str:
+    return f"Camera {name}: {path}."
+
+
+@WORDS.event(Event.PASSED_OVER)
+def _passed_over(line: str) -> str:
+    return line
+
+
+@WORDS.event(Event.MANY_PHOTOS)
+def _many_photos(photos: int) -> str:
+    return f"{photos:,} photos: --most 60 calibrates from those that add most."
+
+
+@WORDS.event(Event.PHOTOS_CHOSEN)
+def _photos_chosen(chosen: int, photos: int, ended: str) -> str:
+    return f"{plural(chosen, 'photo')} of {photos:,} chosen, which add most ({ended})."
+
+
+@WORDS.event(Event.FILM_ENDS)
+def _film_ends(problem: str) -> str:
+    return f"warning: {problem}"
+
+
+@WORDS.event(Event.FILM_DAMAGED)
+def _film_damaged(film: str, frames: int, of: int) -> str:
+    decoded = f"{frames:,} of its {plural(of, 'frame')} can be decoded, and these are used"
+    return f"warning: {film} is damaged or cut short: {decoded}; copy the file again if you can"
+
+
+@WORDS.event(Event.FILM_TURNED)
+def _film_turned(film: str, turned_deg: int) -> str:
+    turned = f"{film} tells players to turn it by {turned_deg}°"
+    return f"note: {turned}: frames are as the sensor made them"
+
+
+@WORDS.event(Event.FRAMES_CHOSEN)
+def _frames_chosen(chosen: int, frames: int, folder: Any, ended: str) -> str:
+    return f"{plural(chosen, 'frame')} of {frames:,} chosen: {folder} ({ended})."
+
+
+def why_ended(ended: Literal["all", "asked", "enough"], chosen: int, what: str) -> str:
+    """Return why no more pictures were chosen; ``what`` one of them is called."""
+    some = f"{chosen} {what}{pick(chosen, '', 's')}"
+    return {
+        "all": pick(chosen, f"the only usable {what}", f"all {chosen} usable {what}s"),
+        "asked": f"{some}: as many as were asked for",
+        "enough": f"{some}: one more would add less than 1 % of what is wanted",
+    }[ended]
+
+
+@WORDS.event(Event.LOOKING)
+def _looking(photos: int) -> str:
+    return f"Looking for corners in {plural(photos, 'photo')}."
+
+
+@WORDS.event(Event.LOOKED_AGAIN)
+def _looked_again(corners: int) -> str:
+    added = plural(corners, "corner")
+    return f"A second look, where a fitted camera expects them, added {added}."
+
+
+@WORDS.event(Event.NOT_CERTAIN)
+def _not_certain(photos: int) -> str:
+    return (
+        f"{plural(photos, 'photo')} {pick(photos, 'shows', 'show')} too little of the board to "
+        "tell which corners these are: they count for the lens, and not where the target is "
+        "measured."
+    )
+
+
+@WORDS.event(Event.FITTING)
+def _fitting(corners: int) -> str:
+    return f"Fitting to {plural(corners, 'corner')}."
+
+
+@WORDS.event(Event.NO_MAP)
+def _no_map(width: int, height: int) -> str:
+    return (
+        f"No undistort_map.npz was written: a map of {width}x{height} pixels takes gigabytes. "
+        "'cubicfish map --size' makes a smaller one."
+    )
+
+
+@WORDS.event(Event.PRINTED_AS_DRAWN)
+def _printed_as_drawn() -> str:
+    return "note: boards are printed as drawn; how a calibration found them to depart is left out"
+
+
+@WORDS.event(Event.AMBIGUOUS)
+def _ambiguous(line: str) -> str:
+    return f"note: {line}"
+
+
+@WORDS.event(Event.WITHOUT_POSE)
+def _without_pose(photos: int) -> str:
+    return f"Looking for corners in {plural(photos, 'photo')} without a known pose."
+
+
+@WORDS.event(Event.VIDEO_TURNED)
+def _video_turned(video: Any, turned_deg: int) -> str:
+    turned = f"{video}: the source tells players to turn it by {turned_deg}°"
+    return f"{turned}, which the result does not: turn it with --rotate 0,0,DEG"
+
+
+@WORDS.event(Event.RENDERED_FLAT)
+def _rendered_flat() -> str:
+    return "Boards are rendered flat: the target's bends and offsets are left out."
+
+
+@WORDS.event(Event.RENDERING)
+def _rendering(pictures: str, width: int, height: int) -> str:
+    return f"Rendering {pictures} of {width}x{height} pixels."

@@ -1,0 +1,525 @@
+"""What may be wrong with a set-up: why corners do not fit as they should."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+from cubicfish import listed
+from cubicfish.judge.codes import Code
+from cubicfish.judge.finding import FindingText as Said
+from cubicfish_cli.words.phrases import percent, pick, plural, whole
+from cubicfish_cli.words.table import Words
+
+Names = Sequence[str]
+Colour = Literal["light", "dark"]
+
+CORRECT = "correct target.yaml and calibrate again"
+COUNTS = "the counts of corners in target.yaml (or of --board)"
+MIRROR = "if the camera looks into a mirror, say mirrored: true at the top of target.yaml"
+_RERUN = "correct target.yaml and run it again"
+_ORDER = "correct target.yaml, or the order in corners.csv, and calibrate again"
+_MEASURE = f"measure its origin and axes again, {CORRECT}"
+_ROWS = "correct these rows of corners.csv, or leave the"
+_NOT_MIRRORED = "take mirrored: true out of target.yaml"
+_AS_MADE = "use photos as the sensor made them"
+WORDS = Words(
+    findings={
+        (Code.MIRRORED, "target"): Said(
+            "all photos are mirrored: the target fits as seen in a mirror",
+            do=f"{_AS_MADE}, not as a video call shows them; {MIRROR} and detect the corners again",
+        ),
+        (Code.MIRRORED, "points"): Said(
+            "all photos are mirrored, or the points' coordinates are: the target fits as seen in a "
+            "mirror",
+            do=f"{_AS_MADE}, and points in a right-handed frame",
+        ),
+        (Code.MIRRORED, "behind"): Said(
+            "every photo shows the board from behind: either the photos are mirrored, and then so "
+            "is the camera, or columns or rows are counted the other way round",
+            "rows do not grow to the right of the direction in which columns grow",
+            "compare a photo with the board; if only the counting differs, the camera is right and "
+            "the poses are of the board's back",
+        ),
+        (Code.MIRRORED, "all_grids"): Said(
+            "all photos are mirrored", do=f"{_AS_MADE}, not as a video call shows them; {MIRROR}"
+        ),
+        (Code.MIRRORED, "none"): Said("no photo is mirrored", do=_NOT_MIRRORED),
+    }
+)
+
+
+@WORDS.because("apart")
+def _apart(together_px: float, apart_px: float) -> str:
+    return f"the RMS is {together_px:.2f} px together and {apart_px:.2f} px apart"
+
+
+@WORDS.because("own_lens")
+def _own_lens(own_px: float) -> str:
+    return f"by themselves they fit a lens of their own to {own_px:.2f} px"
+
+
+@WORDS.because("own_lens_before")
+def _own_lens_before(own_px: float) -> str:
+    return f"the photos before fit a lens of their own to {own_px:.2f} px"
+
+
+@WORDS.because("refined")
+def _refined(before_px: float, after_px: float) -> str:
+    return f"the RMS is {before_px:.2f} px as drawn and {after_px:.2f} px as it really is"
+
+
+@WORDS.because("corrected")
+def _corrected(after_px: float) -> str:
+    return f"with that corrected the typical error falls to {after_px:.2g} px"
+
+
+@WORDS.because("put_right")
+def _put_right(before: float, after: float) -> str:
+    found = f"{whole(before)} of the corners have a place on the target as it is"
+    return f"{found}, and {whole(after)} with that put right"
+
+
+def _shown(photos: int, error_px: float) -> str:
+    return (
+        f"{photos} photos show it; with that corrected, its corners are within {error_px:.2f} px "
+        "of where the other boards put them"
+    )
+
+
+Order = Literal[
+    "columns_backwards", "rows_backwards", "half_a_turn", "exchanged", "exchanged_size",
+    "a_quarter_turn", "x_axis", "y_axis", "both_axes", "other_end", "colours", "some_colours",
+]  # fmt: skip
+_ORDERS: Mapping[Order, str] = {
+    "columns_backwards": "columns are counted the other way round than the target says",
+    "rows_backwards": "rows are counted the other way round than the target says",
+    "half_a_turn": "corners are counted from the opposite corner, the board turned by 180°",
+    "exchanged": "rows and columns are exchanged",
+    "exchanged_size": "rows and columns are exchanged: corners: [{columns}, {rows}] for [{rows}, "
+    "{columns}]",
+    "a_quarter_turn": "it is a quarter turn from how the target has it",
+    "x_axis": "x_axis points the other way round",
+    "y_axis": "y_axis points the other way round",
+    "both_axes": "x_axis and y_axis point the other way round",
+    "other_end": "columns run the other way round: origin is at their other end",
+    "colours": "its squares are dark where the target has light ones: first_square: {first_square}",
+    "some_colours": "its squares are dark where the target has light ones",
+}
+Named = Literal[
+    "columns_backwards", "rows_backwards", "half_a_turn", "exchanged", "a_quarter_turn",
+    "other_board", "columns", "rows", "both",
+]  # fmt: skip
+Units = Literal["inches_mm", "cm_mm", "m_mm", "inches_cm", "inches_for_mm", "cm_for_mm"]
+_UNITS: Mapping[Units, str] = {
+    "inches_mm": "inches and millimetres",
+    "cm_mm": "centimetres and millimetres",
+    "m_mm": "metres and millimetres",
+    "inches_cm": "inches and centimetres",
+    "inches_for_mm": "inches for millimetres",
+    "cm_for_mm": "centimetres for millimetres",
+}
+Which = Literal["all", "one"]
+
+
+def _which(which: Which, board: str) -> str:
+    return "all boards" if which == "all" else f"board {board}"
+
+
+def _order(order: Order, columns: int, rows: int, first_square: str) -> str:
+    return _ORDERS[order].format(columns=columns, rows=rows, first_square=first_square)
+
+
+@WORDS.finding(Code.BOARD_ORDER, "", "grids")
+def _board_order(
+    case: str,
+    board: str,
+    which: Which,
+    order: Order,
+    columns: int = 0,
+    rows: int = 0,
+    first_square: str = "",
+) -> Said:
+    what = f"{_which(which, board)}: {_order(order, columns, rows, first_square)}"
+    return Said(what, do=_RERUN if case == "grids" else _ORDER)
+
+
+@WORDS.finding(Code.BOARD_ORDER, "of_photos")
+def _board_order_of_photos(board: str, order: Order, photos: int, error_px: float) -> Said:
+    what = f"board {board}: {_order(order, 0, 0, '')}"
+    return Said(what, _shown(photos, error_px), f"{_ORDER}: the camera is made without this board")
+
+
+@WORDS.finding(Code.BOARD_NAMES)
+def _board_names(boards: Names) -> Said:
+    do = "exchange them in target.yaml, or in corners.csv, and calibrate again"
+    return Said(f"the names of boards {boards[0]} and {boards[1]} are exchanged", do=do)
+
+
+@WORDS.finding(Code.BOARD_NAMES, "places")
+def _board_names_places(boards: Names) -> Said:
+    return Said(f"the places of boards {boards[0]} and {boards[1]} are exchanged", do=_RERUN)
+
+
+@WORDS.finding(Code.BOARD_NAMES, "of_photos")
+def _board_names_of_photos(board: str, other: str, photos: int, error_px: float) -> Said:
+    what = f"board {board}: its corners are those of board {other}"
+    return Said(what, _shown(photos, error_px), f"{_ORDER}: the camera is made without this board")
+
+
+@WORDS.finding(Code.BOARD_PLACE, "", "and_square", "of_two", "of_two_and_square")
+def _board_place(
+    case: str, board: str, shift: float, units: str, turn_deg: float, off: float, both: Names
+) -> Said:
+    where = f"lies {shift:.2g} {units} / {turn_deg:.1f}° from where target.yaml puts it"
+    of = f"boards {listed(both, 'boards')}: " if case in ("of_two", "of_two_and_square") else ""
+    squares = f", its squares {percent(off)} off"
+    resized = case in ("and_square", "of_two_and_square")
+    return Said(f"{of}board {board} {where}{squares * resized}", do=_MEASURE)
+
+
+@WORDS.finding(Code.BOARD_PLACE, "in_most")
+def _board_place_in_most(board: str, photos: int) -> Said:
+    what = f"board {board} is not where target.yaml puts it beside the other boards"
+    return Said(what, f"{photos} photos show it, and fit without this board", _MEASURE)
+
+
+@WORDS.finding(Code.BOARD_PLACE, "of_photos")
+def _board_place_of_photos(
+    board: str,
+    named: Named,
+    photos: int,
+    error_px: float,
+    other: str = "",
+    column_steps: int = 0,
+    columns_far: bool = False,
+    row_steps: int = 0,
+    rows_far: bool = False,
+) -> Said:
+    steps = _named(named, other, column_steps, columns_far, row_steps, rows_far)
+    what = f"board {board}: its corners are named {steps}"
+    return Said(what, _shown(photos, error_px), f"{_ORDER}: the camera is made without this board")
+
+
+def _named(
+    named: Named,
+    other: str,
+    column_steps: int,
+    columns_far: bool,
+    row_steps: int,
+    rows_far: bool,
+) -> str:
+    columns = f"{plural(column_steps, 'column')} too {pick(columns_far, 'far', 'near')}"
+    rows = f"{plural(row_steps, 'row')} too {pick(rows_far, 'far', 'near')}"
+    ways: Mapping[Named, str] = {
+        "columns_backwards": "columns counted backwards",
+        "rows_backwards": "rows counted backwards",
+        "half_a_turn": "counted from the opposite corner",
+        "exchanged": "rows and columns exchanged",
+        "a_quarter_turn": "a quarter turn round",
+        "other_board": f"they are of board {other}",
+        "columns": columns,
+        "rows": rows,
+        "both": f"{columns} and {rows}",
+    }
+    return ways[named]
+
+
+@WORDS.finding(Code.BOARD_PLACE, "moved")
+def _board_place_moved(board: str, images: Names) -> Said:
+    these = pick(images, "this photo", "these photos")
+    return Said(
+        f"{listed(images, 'photos')}: board {board} is not where it is in the other photos: it "
+        "moved, or its corners are named wrongly",
+        f"without it {pick(images, 'the photo fits', 'the photos fit')}",
+        f"look at {these} with 'cubicfish detect --draw', or leave {pick(images, 'it', 'them')} "
+        "out",
+    )
+
+
+@WORDS.finding(Code.BOARD_SQUARE)
+def _board_square(board: str, off: float, real: str) -> Said:
+    what = f"the squares of board {board} are {percent(off)} off, compared with the other boards"
+    return Said(f"{what} ({real})", do=f"measure ten squares of {board}, {CORRECT}")
+
+
+@WORDS.finding(Code.BOARD_SQUARE, "all")
+def _board_square_all(off: float, real: str) -> Said:
+    what = f"the squares of all boards are {percent(off)} off, compared with the distances between"
+    return Said(f"{what} boards ({real})", do=f"measure ten squares, {CORRECT}")
+
+
+@WORDS.finding(Code.BOARD_SQUARE, "units", "all_units")
+def _board_square_units(case: str, board: str, times: float, units_mixed: Units, real: str) -> Said:
+    boards, of = ("all boards", "") if case == "all_units" else (f"board {board}", f" of {board}")
+    what = f"the square of {boards} is {times:.4g} times off: {_UNITS[units_mixed]} are mixed up"
+    return Said(f"{what} ({real})", do=f"measure ten squares{of}, {CORRECT}")
+
+
+@WORDS.finding(Code.BOARD_SQUARE, "grids")
+def _board_square_grids(
+    board: str, which: Which, times: float, small: bool, units_mixed: Units
+) -> Said:
+    size = f"{times:g} times too {pick(small, 'small', 'large')}"
+    what = f"{_which(which, board)}: its square is {size}: {_UNITS[units_mixed]}, or the reverse"
+    return Said(what, do=_RERUN)
+
+
+@WORDS.finding(Code.BOARD_SQUARE, "spacing")
+def _board_square_spacing(board: str, gaps: int, spacing: float, drawn_spacing: float) -> Said:
+    return Said(
+        f"tags of board {board} are {spacing:.3g} of a tag apart (the target says spacing: "
+        f"{drawn_spacing:g})",
+        f"{plural(gaps, 'gap')} show it",
+        "correct spacing in target.yaml: the gap between two tags divided by the side of a tag",
+    )
+
+
+@WORDS.finding(Code.CORNER_NAMES, "", "all_boards")
+def _corner_names(
+    case: str,
+    images: Names,
+    named: Named,
+    error_px: float,
+    board: str = "",
+    other: str = "",
+    column_steps: int = 0,
+    columns_far: bool = False,
+    row_steps: int = 0,
+    rows_far: bool = False,
+) -> Said:
+    steps = _named(named, other, column_steps, columns_far, row_steps, rows_far)
+    photos, out = listed(images, "photos"), f"{_ROWS} {pick(images, 'photo', 'photos')} out"
+    if case == "all_boards":
+        fits = pick(images, "the photo fits", "the photos fit")
+        what = f"{photos}: corners of all boards are named {steps}"
+        return Said(what, f"with that {fits} to {error_px:.2f} px", out)
+    what = f"{photos}: corners of board {board} are named wrongly: {steps}"
+    return Said(
+        what, f"with that they are within {error_px:.2f} px of where the rest puts them", out
+    )
+
+
+@WORDS.finding(Code.CORNER_COUNT)
+def _corner_count(
+    boards: Names,
+    counts: Sequence[Mapping[str, Any]],
+    alike: bool,
+    fewest: int,
+    most: int,
+    photos: int,
+) -> Said:
+    seen = [
+        "{columns}x{rows} inner corners of board {board} (the target says "
+        "{drawn_columns}x{drawn_rows})".format(**one)
+        for one in counts
+    ]
+    many = f"{fewest}" if alike else f"{fewest} to {most}"
+    return Said(
+        f"photos show {listed(seen, 'counts')}",
+        f"{many} of {photos} photos show {pick(boards, 'it', 'them')} so, and none shows more",
+        f"correct {COUNTS} and run it again (origin too, if it was of a corner that is not there), "
+        "unless something covers the rest in all photos",
+    )
+
+
+@WORDS.finding(Code.CORNER_COUNT, "squares")
+def _corner_count_squares(
+    boards: Names, columns: int, rows: int, drawn_columns: int, drawn_rows: int
+) -> Said:
+    return Said(
+        f"board {listed(boards, 'boards')}: the target seems to count squares, "
+        f"{drawn_columns}x{drawn_rows}, where {columns}x{rows} inner corners are seen",
+        f"photos show all of {boards[0]} but its last column and row",
+        f"correct {COUNTS}; the camera does not depend on it",
+    )
+
+
+@WORDS.finding(Code.CORNER_COUNT, "all_squares")
+def _corner_count_all_squares(
+    columns: int, rows: int, drawn_columns: int, drawn_rows: int, photos: int
+) -> Said:
+    return Said(
+        f"found {columns}x{rows} inner corners in {plural(photos, 'photo')}, but the target says "
+        f"{drawn_columns}x{drawn_rows}",
+        do=f"were squares counted? Count corners where four squares meet, and correct {COUNTS}",
+    )
+
+
+@WORDS.finding(Code.CORNER_COUNT, "markers", "tags")
+def _corner_count_markers(
+    case: str,
+    board: str,
+    markers: int,
+    columns: int,
+    rows: int,
+    drawn_columns: int,
+    drawn_rows: int,
+    first_square: str,
+) -> Said:
+    if case == "tags":
+        things, of, say = "tags", "", f"tags: [{columns}, {rows}]"
+    else:
+        things, of = "markers", " of inner corners"
+        say = f"corners: [{columns}, {rows}] and first_square: {first_square}"
+    return Said(
+        f"the {things} of board {board} lie as on one of {columns} columns{of}, {rows} rows of "
+        f"which are seen (the target says {drawn_columns}x{drawn_rows})",
+        f"with that, {markers} markers of a photo agree on where the board is",
+        f"say {say} for it in target.yaml, with more rows if no photo shows all",
+    )
+
+
+@WORDS.finding(Code.MIRRORED, "some")
+def _mirrored_some(images: Names) -> Said:
+    what = f"{listed(images, 'photos')} {pick(images, 'is', 'are')} mirrored, or "
+    what += f"{pick(images, 'its', 'their')} corners are counted the other way round"
+    return Said(what, "the other photos show the same boards from the other side", _AS_MADE)
+
+
+@WORDS.finding(Code.MIRRORED, "some_grids")
+def _mirrored_some_grids(images: Names) -> Said:
+    return Said(f"{listed(images, 'photos')} {pick(images, 'is', 'are')} mirrored", do=_AS_MADE)
+
+
+@WORDS.finding(Code.MIRRORED, "colours", "colours_in_mirror")
+def _mirrored_colours(case: str, board: str, first_square: Colour, other: str) -> Said:
+    photos, mirror = "are mirrored", MIRROR
+    if case == "colours_in_mirror":
+        photos, mirror = "are not mirrored", f"if photos are not mirrored, {_NOT_MIRRORED}"
+    return Said(
+        f"board {board} is light where the target says that it is dark: first_square is not "
+        f"{first_square}, or photos {photos}",
+        "photos that show it whole say so; its corners are named by the colours seen",
+        f"write first_square: {other} into target.yaml, or {mirror}; the lens is the same",
+    )
+
+
+Printed = Literal[
+    "inverted", "mirrored", "not_mirrored", "inverted_mirrored", "inverted_not_mirrored"
+]
+
+
+@WORDS.finding(Code.INVERTED)
+@WORDS.finding(Code.MIRRORED, "markers")
+def _markers_printed(
+    boards: Names, printed: Printed, light: bool, first_square: Colour, corners: int
+) -> Said:
+    colours = f"are {pick(light, 'light on dark', 'dark on light')}"
+    inverted = f"say inverted: {pick(light, 'true', 'false')} and first_square: {first_square} for "
+    inverted += f"{pick(boards, 'it', 'them')} in target.yaml"
+    mirrored = f"{_AS_MADE}, or {MIRROR}"
+    seen: Mapping[Printed, tuple[str, str]] = {
+        "inverted": (colours, inverted),
+        "mirrored": ("are mirrored", mirrored),
+        "not_mirrored": ("are not mirrored", _NOT_MIRRORED),
+        "inverted_mirrored": (f"{colours} and are mirrored", f"{inverted}; {mirrored}"),
+        "inverted_not_mirrored": (
+            f"{colours} and are not mirrored",
+            f"{inverted}; {_NOT_MIRRORED}",
+        ),
+    }
+    how, do = seen[printed]
+    return Said(
+        f"the markers of {pick(boards, 'board', 'boards')} {listed(boards, 'boards')} {how}",
+        f"read like that, one photo shows {corners} corners; read as the target says, none",
+        do,
+    )
+
+
+Where = Literal["from", "in"]
+
+
+def _where(where: Where, images: Names, rest: Names) -> str:
+    if where == "from":
+        return f"from {images[0]} on"
+    return f"in {listed(images, 'photos')}, compared with {listed(rest, 'photos')}"
+
+
+@WORDS.finding(Code.TWO_LENSES)
+def _two_lenses(
+    focal_off: float, x_px: float, y_px: float, where: Where, images: Names, rest: Names
+) -> Said:
+    what = f"photos of two cameras or zooms are mixed: the focal length is {percent(focal_off)} and"
+    what += f" the centre off by ({x_px:+.1f}, {y_px:+.1f}) px {_where(where, images, rest)}"
+    return Said(what, do="calibrate each camera by itself")
+
+
+@WORDS.finding(Code.ZOOM)
+def _zoom(focal_off: float, where: Where, images: Names, rest: Names) -> Said:
+    return Said(
+        f"the focal length is {percent(focal_off)} {_where(where, images, rest)}: zoom or focus "
+        "changed, or photos of two cameras are mixed",
+        do="calibrate each setting and camera by itself, with zoom and focus locked",
+    )
+
+
+@WORDS.finding(Code.SCALED)
+def _scaled(scale: str, where: Where, images: Names, rest: Names) -> Said:
+    what = f"photos seem scaled by {scale} {_where(where, images, rest)}"
+    return Said(what, do="use all photos at the size at which the sensor made them")
+
+
+@WORDS.finding(Code.SHIFTED)
+def _shifted(
+    x_px: float, y_px: float, where: Where, images: Names, rest: Names, in_order: bool
+) -> Said:
+    why = (
+        "the lens was bumped or moved, or photos from there on are another camera's or cropped"
+        if in_order
+        else "photos of two cameras of one kind are mixed, or some were cropped (a lens that was "
+        "bumped would be off in all photos after that)"
+    )
+    there = _where(where, images, rest)
+    return Said(
+        f"the lens's centre is off by ({x_px:+.1f}, {y_px:+.1f}) px {there}: {why}",
+        do="calibrate these photos and the others each by themselves, or use uncropped ones",
+    )
+
+
+@WORDS.finding(Code.TURNED)
+def _turned(where: Where, images: Names, rest: Names) -> Said:
+    what = f"the picture seems turned by 180° {_where(where, images, rest)}: the lens's centre is "
+    do = "save photos as the sensor made them (EXIF rotation off), and calibrate again"
+    return Said(f"{what}on the other side", do=do)
+
+
+@WORDS.finding(Code.PHOTO_LENS)
+def _photo_lens(images: Names, size_px: float, share: float, worst: str) -> Said:
+    return Said(
+        f"{listed(images, 'photos')} {pick(images, 'was', 'were')} taken otherwise than the other "
+        f"photos, which moves corners by {size_px:.2f} px (RMS): with another zoom, focus or "
+        "camera, or cropped, or while camera or target moved (rolling shutter)",
+        f"this explains {whole(share)} of the squared error of {pick(images, 'it', worst)}",
+        f"leave {pick(images, 'this photo', 'these photos')} out, and look at what was different",
+    )
+
+
+@WORDS.finding(Code.PHOTO_LENS, "left_out")
+def _photo_lens_left_out(images: Names, others: int, noise_px: float) -> Said:
+    them = pick(images, "it", "them")
+    return Said(
+        f"{listed(images, 'photos')} {pick(images, 'does', 'do')} not go with the other {others} "
+        "photos: zoom or camera is another one, or the photos were cropped, or the target moved",
+        f"without {them} the others fit to {noise_px:.2g} px",
+        f"calibrate without {them}",
+    )
+
+
+@WORDS.finding(Code.REPEATS)
+def _repeats(photos: int, distinct: int, repeats: Names) -> Said:
+    return Said(
+        f"{photos} photos are effectively {distinct}: {listed(repeats, 'repeats')}",
+        "each was taken from the same place as another one, or is its copy; the held-out error "
+        "leaves such photos out together",
+        "take photos from other places instead",
+    )
+
+
+@WORDS.finding(Code.ONE_PLACE)
+def _one_place(photos: int, near: float) -> Said:
+    return Said(
+        f"all {photos} photos were taken from nearly the same place, and say little more than one",
+        f"in all of them the target lies in the same place of the picture, to {whole(near)} of its "
+        "size",
+        "take photos from different sides, near and far, tilted, with the target in every part of "
+        "the picture",
+    )

@@ -1,0 +1,250 @@
+"""The open benchmark: what it measures by, what it fetches, and how it gets past failures."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "benchmarks" / "open"
+TARGET = (
+    "units: mm\nboards:\n  - name: b\n    type: checkerboard\n    corners: [7, 5]\n    square: 30\n"
+)
+
+
+@pytest.fixture
+def load(monkeypatch):
+    """A script of the benchmark as a module; none of them stays loaded."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    before = set(sys.modules)
+    yield lambda name: __import__(name)
+    for name in set(sys.modules) - before:
+        if (FOLDER / f"{name}.py").exists():
+            del sys.modules[name]
+
+
+def equidistant(points, focal=200.0):
+    """A lens of 220° with a middle at (400, 300)."""
+    angle = np.arctan2(np.linalg.norm(points[:, :2], axis=1), points[:, 2])
+    out = points[:, :2] / np.maximum(np.linalg.norm(points[:, :2], axis=1), 1e-12)[:, None]
+    pixel = [400.0, 300.0] + focal * (angle + 0.02 * angle**3)[:, None] * out
+    return np.where(angle[:, None] < np.deg2rad(110), pixel, np.nan)
+
+
+def board_and_photos():
+    """A flat board, and exact photos of it: straight ahead, tilted, and beyond 90°."""
+    y, x = np.mgrid[:5, :7] * 30.0
+    world = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    turns = ((0.1, 0.0, 0.2), (0.5, -0.4, 0.1), (0.0, 1.6, 0.0))
+    places = ((-90, -60, 200), (-40, 10, 150), (160, -60, 150))
+    from scipy.spatial.transform import Rotation
+
+    photos = []
+    for turn, place in zip(turns, places, strict=True):
+        pixel = equidistant(Rotation.from_rotvec(turn).apply(world) + place)
+        assert np.isfinite(pixel).all()
+        photos.append((np.arange(len(world)), pixel, np.zeros(len(world), int)))
+    return world, photos
+
+
+def test_the_true_lens_has_no_error_wherever_the_board_is(load):
+    world, photos = board_and_photos()
+    miss, minutes, angle, _ = load("measure").evaluated(equidistant, world, photos)
+    assert miss.max() < 1e-4
+    assert minutes.max() < 1e-2
+    assert angle.max() > 91
+
+
+def test_errors_are_in_pixels_and_arc_minutes(load):
+    """Noise of 0.1 px is 0.1 / 200 rad in the middle; poses take up a part of it."""
+    world, photos = board_and_photos()
+    noise = np.random.default_rng(1).normal(0, 0.1, (len(photos), len(world), 2))
+    noisy = [(p, q + n, g) for (p, q, g), n in zip(photos, noise, strict=True)]
+    miss, minutes, angle, _ = load("measure").evaluated(equidistant, world, noisy)
+    assert np.median(miss) == pytest.approx(0.1 * np.sqrt(2 * np.log(2)), rel=0.2)
+    near = angle < 40
+    expected = np.rad2deg(miss[near] / 200) * 60
+    assert np.median(minutes[near] / expected) == pytest.approx(0.97, abs=0.05)
+
+
+def test_corners_without_a_pixel_count_as_lost_and_do_not_turn_the_pose(load):
+    world, photos = board_and_photos()
+
+    def half_blind(points):
+        return np.where(points[:, 2:] > 0, equidistant(points), np.nan)
+
+    miss, minutes, _, _ = load("measure").evaluated(half_blind, world, photos)
+    lost = np.isinf(miss)
+    assert 0 < lost.sum() < len(world)
+    assert np.isinf(minutes[lost]).all()
+    assert miss[~lost].max() < 1e-3
+
+
+def test_lenses_apart_are_compared_once_turned(load):
+    from scipy.spatial.transform import Rotation
+
+    measure = load("measure")
+    rays = Rotation.random(400, random_state=0).apply([0, 0, 1e6])
+    rays = np.concatenate([rays, rays * [-1, -1, 1]])[np.tile(rays[:, 2] > 0, 2)]
+    turned = Rotation.from_rotvec([0.01, -0.02, 0.03])
+    assert measure.apart(equidistant, lambda p: equidistant(turned.apply(p)), rays).max() < 1e-3
+    wider = measure.apart(equidistant, lambda p: equidistant(p, 201.0), rays)
+    angle = np.arctan2(np.linalg.norm(rays[:, :2], axis=1), rays[:, 2])
+    assert wider == pytest.approx(angle + 0.02 * angle**3, abs=0.05)
+
+
+def git(folder, *arguments):
+    person = ["-c", "user.name=a", "-c", "user.email=a@b.c", "-c", "commit.gpgsign=false"]
+    subprocess.run(["git", *person, *arguments], cwd=folder, check=True, capture_output=True)
+
+
+@pytest.fixture
+def snapshots(tmp_path):
+    """One bare repository, as a snapshot; the clone that it was made of stands beside it."""
+    made = tmp_path / "made"
+    (made / "photos").mkdir(parents=True)
+    for k in range(3):
+        (made / "photos" / f"p{k}.jpg").write_bytes(b"photo %d" % k)
+    (made / "LICENSE").write_text("MIT License\n\nwords\n")
+    git(made, "init", "-q")
+    git(made, "add", ".")
+    git(made, "commit", "-qm", "photos")
+    git(tmp_path, "clone", "-q", "--bare", str(made), str(tmp_path / "bare" / "some+repo"))
+    return tmp_path / "bare"
+
+
+@pytest.fixture
+def fetch(load, tmp_path, monkeypatch, snapshots):
+    """Fetch a record's set; what could not be had, and the lock."""
+    module, lock = load("fetch"), tmp_path / "lock.json"
+
+    def fetched(out="out", **record):
+        record = {"repo": "some/repo", "photos": r"photos/p\d\.jpg$", "target": TARGET} | record
+        monkeypatch.setattr(module, "cameras", lambda: {"cam": record})
+        missing = module.all_of(["cam"], tmp_path / out, snapshots, lock)
+        return missing, json.loads(lock.read_text()) if lock.exists() else {}
+
+    return fetched
+
+
+def test_a_set_is_fetched_at_a_commit_that_is_kept(fetch, snapshots, tmp_path):
+    missing, lock = fetch(test="p2")
+    assert missing == {}
+    images = tmp_path / "out" / "cam" / "images"
+    assert [one.read_bytes() for one in sorted(images.iterdir())] == [
+        b"photo 0", b"photo 1", b"photo 2"
+    ]  # fmt: skip
+    source = json.loads((tmp_path / "out" / "cam" / "source.json").read_text())
+    assert source["licence"] == "MIT License"
+    assert source["test"] == ["p2.jpg"]
+    assert (tmp_path / "out" / "cam" / "target.yaml").read_text() == TARGET
+    # The owner changes a photo: the benchmark goes on with the one that it knows.
+    (tmp_path / "made" / "photos" / "p0.jpg").write_bytes(b"another")
+    git(tmp_path / "made", "commit", "-qam", "change")
+    git(tmp_path / "made", "push", "-q", str(snapshots / "some+repo"), "HEAD:refs/heads/new")
+    git(snapshots / "some+repo", "symbolic-ref", "HEAD", "refs/heads/new")
+    missing, again = fetch("later")
+    assert again == lock
+    assert (tmp_path / "later" / "cam" / "images" / "p0.jpg").read_bytes() == b"photo 0"
+
+
+def test_what_cannot_be_had_says_why(fetch, snapshots, tmp_path):
+    missing, _ = fetch("first")
+    lock = tmp_path / "lock.json"
+    known = json.loads(lock.read_text())
+    known["cam"]["sha256"]["p1.jpg"] = "0" * 64
+    lock.write_text(json.dumps(known))
+    missing, _ = fetch("hash")
+    assert "p1.jpg is not the file" in missing["cam"]
+    assert not (tmp_path / "hash" / "cam").exists()
+    lock.unlink()
+    assert "no file that fits" in fetch("pattern", photos=r"\.tif$")[0]["cam"]
+    assert "has no no+repo" in fetch("repo", repo="no/repo")[0]["cam"]
+    made = tmp_path / "made"
+    (made / "photos" / "p3.jpg").write_text("version https://git-lfs.github.com/spec/v1\n")
+    git(made, "add", ".")
+    git(made, "commit", "-qm", "pointer")
+    git(made, "push", "-q", str(snapshots / "some+repo"), "HEAD:refs/heads/lfs")
+    git(snapshots / "some+repo", "symbolic-ref", "HEAD", "refs/heads/lfs")
+    assert "Git LFS" in fetch("lfs")[0]["cam"]
+
+
+ADAPTER = """
+import os
+import numpy as np
+VARIANTS = {"tool": 1}
+
+def fit(job, variant, start):
+    if len(job.photos) == 4 and job.photos[0][0] != "p0":
+        CRASH
+    return {"claimed": {"rms_px": 0.5}}
+
+def project(model, points):
+    angle = np.arctan2(np.linalg.norm(points[:, :2], axis=1), points[:, 2])
+    out = points[:, :2] / np.maximum(np.linalg.norm(points[:, :2], axis=1), 1e-12)[:, None]
+    return [400.0, 300.0] + 200.0 * (angle + 0.02 * angle**3)[:, None] * out
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("crash", ["os.abort()", "raise ValueError('no')", "while True: pass"])
+def test_a_failure_is_a_row_and_the_rest_is_measured(load, tmp_path, crash):
+    """The fold without the first photo fails; and what is done is not done again."""
+    world, photos = board_and_photos()
+    photos = [photos[k % 3] for k in range(5)]
+    y, x = np.divmod(np.arange(35), 7)
+    job, folder = tmp_path / "jobs" / "cam" / "job.npz", tmp_path / "results" / "cam" / "tool"
+    folder.mkdir(parents=True)
+    job.parent.mkdir(parents=True)
+    np.savez(
+        job, world=world, local=world[:, :2], board=np.zeros(35, int), column=x, row=y,
+        size=(800, 600), boards=json.dumps([{"name": "b", "type": "checkerboard"}]),
+        names=[f"p{k}" for k in range(5)], files=[""] * 5, image=np.repeat(np.arange(5), 35),
+        point=np.tile(np.arange(35), 5), pixel=np.concatenate([one[1] for one in photos]),
+        test=[False] * 5,
+    )  # fmt: skip
+    adapter = tmp_path / "tool.py"
+    adapter.write_text(ADAPTER.replace("CRASH", crash))
+    run = load("run")
+    run.tried(sys.executable, "", adapter, "tool", job, folder, 2)
+    done = {one.stem for one in folder.glob("*.npz")}
+    assert done >= {"full", "fold1", "fold2", "fold3", "fold4"}
+    assert not list(folder.glob("*.begun"))
+    (folder / "about.json").write_text(json.dumps({"tool": "tool"}))
+    report = load("report")
+    tool, row = report.row_of(folder)
+    assert row["folds"] == "4 of 5"
+    assert row["px_median"] < 1e-4
+    assert row["rms_px"] == 0.5
+    what = {"os.abort()": "crashed", "while True: pass": "took more than 2 s"}
+    assert what.get(crash, "ValueError: no") in row["problem"]
+    assert report.best_of({tool: row}) == (None, set())  # who fails anywhere does not win
+    adapter.write_text("raise SystemError")
+    (folder / "fold1.npz").unlink()
+    run.tried(sys.executable, "", adapter, "tool", job, folder, 2)
+    assert "SystemError" in report.row_of(folder)[1]["problem"]
+
+
+def test_intervals_and_winners(load):
+    report = load("report")
+    rng = np.random.default_rng(0)
+    photo = np.repeat(np.arange(20), 30)
+    error = np.abs(rng.normal(0, 1, 600))
+    low, high = report.interval(error, photo)
+    assert low < np.median(error) < high
+    # Whole photos are drawn: errors that go with the photo leave more open.
+    wide = np.diff(report.interval(error * (1 + photo % 2 * 4), photo))
+    assert wide > 2 * (high - low)
+    rows = {
+        "a": {"px_median": 1.0, "low": 0.9, "high": 1.1, "problem": ""},
+        "b": {"px_median": 1.2, "low": 1.05, "high": 1.4, "problem": ""},
+        "c": {"px_median": 2.0, "low": 1.8, "high": 2.2, "problem": ""},
+        "d": {"px_median": 0.5, "low": 0.4, "high": 0.6, "problem": "a fold crashed"},
+    }
+    assert report.best_of(rows) == ("a", {"a", "b"})
+    kinds = [
+        kind for _, kind in report.overview({"cubicfish": rows["c"]} | rows, ["cubicfish", "a"])
+    ]
+    assert kinds == ["lost", "best"]
