@@ -7,8 +7,9 @@ import cv2
 import numpy as np
 from job import read_table
 
-from cubicfish import Target, calibrate, export_camera, load_corners, save_corners
+from cubicfish import Target, calibrate, load_corners, save_corners
 from cubicfish import detect as detect_all
+from cubicfish_cli import export_camera
 
 PACKAGES = ["-e", "{root}[all]"]
 VARIANTS = {"cubicfish": 1, "cubicfish, board as drawn": 1}
