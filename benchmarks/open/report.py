@@ -31,9 +31,9 @@ td,th{border:1px solid #ccc;padding:2px 6px;text-align:right;vertical-align:top}
 td:first-child{text-align:left}.best{background:#bfd;font-weight:bold}.near{background:#e6fbe6}
 .lost{background:#fdc}.bad{color:#a00;text-align:left;max-width:30em}"""
 HEAD = """<h1>Calibration tools on real cameras</h1>
-<p>Held-out error, median over all corners, pixels, with its 95 % interval over photos. Green: the best, and those whose interval reaches into its own.
-Red: a camera that cubicfish loses. ✗: something failed (hold the mouse there). README.md says how
-all is measured.</p>"""
+<p>Held-out error, median over all corners, pixels, with its 95 % interval over photos. Green: the
+best, and those whose interval reaches into its own. Red: a camera that cubicfish loses. ✗: some
+work failed (hold the mouse there). README.md says how all is measured.</p>"""
 
 
 def interval(error, photo):

@@ -150,6 +150,40 @@ def test_a_set_is_fetched_at_a_commit_that_is_kept(fetch, snapshots, tmp_path):
     assert (tmp_path / "later" / "cam" / "images" / "p0.jpg").read_bytes() == b"photo 0"
 
 
+def test_only_what_is_needed_comes_over_the_network(load, fetch, snapshots, tmp_path, monkeypatch):
+    """A server that gives parts of a repository, as GitHub does: here of this machine."""
+    made = tmp_path / "made"
+    (made / "large.bin").write_bytes(b"0" * 1000)
+    git(made, "add", ".")
+    git(made, "commit", "-qm", "large")
+    server = tmp_path / "server" / "some" / "repo"
+    git(tmp_path, "clone", "-q", "--bare", str(made), str(server))
+    git(server, "config", "uploadpack.allowFilter", "true")
+    git(server, "config", "uploadpack.allowAnySHA1InWant", "true")
+    module = load("fetch")
+    monkeypatch.setattr(module, "GITHUB", f"file://{tmp_path}/server/{{}}")
+    all_of = module.all_of
+    monkeypatch.setattr(
+        module, "all_of", lambda names, out, _, lock: all_of(names, out, None, lock)
+    )
+    missing, lock = fetch()
+    assert missing == {}
+    assert len(list((tmp_path / "out" / "cam" / "images").iterdir())) == 3
+    clone = tmp_path / "out" / ".clones" / "some+repo"
+    told = subprocess.run(
+        ["git", "cat-file", "--batch-check", "--batch-all-objects"],
+        cwd=clone, check=True, capture_output=True, text=True, env={"GIT_NO_LAZY_FETCH": "1"},
+    )  # fmt: skip
+    assert "blob 7" in told.stdout  # the photos
+    assert "blob 1000" not in told.stdout
+    # What the lock has is fetched, not what the branch has by then.
+    (made / "photos" / "p0.jpg").write_bytes(b"another")
+    git(made, "commit", "-qam", "change")
+    git(made, "push", "-q", str(server), "HEAD")
+    assert fetch("later") == ({}, lock)
+    assert (tmp_path / "later" / "cam" / "images" / "p0.jpg").read_bytes() == b"photo 0"
+
+
 def test_what_cannot_be_had_says_why(fetch, snapshots, tmp_path):
     missing, _ = fetch("first")
     lock = tmp_path / "lock.json"
