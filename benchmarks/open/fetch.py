@@ -56,7 +56,7 @@ def repository(repo, out, snapshots, commit):
         git(here, "config", "remote.origin.promisor", "true")
         git(here, "config", "remote.origin.partialclonefilter", "blob:none")
     # Names and folders only; photos come one by one, when they are asked for.
-    git(here, "fetch", "-q", "--depth=1", "--filter=blob:none", "origin", commit or "HEAD")
+    git(here, "fetch", "-q", "--depth=1", "origin", commit or "HEAD")
     git(here, "update-ref", "HEAD", "FETCH_HEAD")
     return here
 
