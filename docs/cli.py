@@ -12,11 +12,8 @@ import inspect
 import re
 import sys
 import textwrap
-import tomllib
-from collections.abc import Callable
-from collections.abc import Iterator
-from dataclasses import fields
-from dataclasses import is_dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass
 from enum import StrEnum
 from pathlib import Path
 from pkgutil import resolve_name
@@ -26,7 +23,6 @@ import click
 
 from cubicfish import Finding
 from cubicfish.judge import Code
-from cubicfish.judge.codes import Remedy
 from cubicfish_cli.terminal.main import cli
 from cubicfish_cli.terminal.parameters import Argument
 
