@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cubicfish.find.detection.pyramid import build_pyramid
+from cubicfish.find.detection.pyramid import build_pyramid, measure_noise
 from cubicfish.find.detection.refine import refine_corners
 
 SIDE = 20
@@ -71,3 +71,12 @@ def test_predictions_outside_or_without_shape_are_refused(board):
     assert np.array_equal(found, pixel, equal_nan=True)
     none = np.zeros(0, int)
     assert refined(image, np.zeros((0, 2)), np.zeros((0, 2, 2)), none)[0].shape == (0, 2)
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float64])
+def test_noise_is_that_of_the_pyramid_whether_it_is_made_or_not(kind: type) -> None:
+    rng = np.random.default_rng(5)
+    grey = (rng.normal(110, 7, (301, 402)) + 60 * (np.arange(402) > 200)).astype(kind)
+    pyramid = build_pyramid(grey)
+    assert measure_noise(grey) == (pyramid.noise, pyramid.gain)
+    assert pyramid.noise / pyramid.gain == pytest.approx(7, rel=0.05)

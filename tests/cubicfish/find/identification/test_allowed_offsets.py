@@ -6,6 +6,8 @@ from synthetic import checkerboard, corner_of_three
 
 from cubicfish.find.detection.grids import Grid
 from cubicfish.find.identification.allowed_offsets import find_allowed_offsets
+from cubicfish.find.identification.decide import _Photo
+from cubicfish.find.identification.search import Labelings
 from cubicfish.target.placement import TURNS, placement_of
 from cubicfish.target.target import Target
 
@@ -74,3 +76,36 @@ def test_a_grid_larger_than_the_board_has_no_place():
     allowed = find_allowed_offsets(grid(5, 4, 1).cells, 1, placement_of(one_board(4, 4)))
     assert not allowed.possible
     assert len(allowed.places()[0]) == 0
+
+
+def test_a_grid_is_possible_where_it_has_a_place() -> None:
+    seen = set()
+    for columns, rows, width, height, bright in np.ndindex(3, 3, 4, 4, 2):
+        sides, parity = placement_of(one_board(columns + 2, rows + 2)), 2 * bright - 1
+        allowed = find_allowed_offsets(grid(width + 2, height + 2, parity).cells, parity, sides)
+        assert allowed.possible == (len(allowed.places()[0]) > 0)
+        seen.add((allowed.possible, allowed.wide_enough))
+    assert seen == {(True, True), (False, True), (False, False)}
+
+
+def test_labelings_are_apart_where_no_two_grids_claim_a_corner() -> None:
+    rng = np.random.default_rng(4)
+    sides = placement_of(corner_of_three())
+    photo = _Photo(grids=[grid(3, 4, 1), grid(4, 3, 1), grid(2, 5, -1)], sides=sides)
+    count = 300
+    labelings = Labelings(
+        side=rng.integers(-1, len(sides.board), (count, 3)),
+        offset=rng.integers(0, 6, (count, 3, 2)),
+        rotation=np.zeros((count, 3, 3)),
+        translation=np.zeros((count, 3)),
+        pivot=np.zeros((count, 3)),
+        grid_cost=np.zeros((count, 3)),
+    )
+    labelings = labelings[(labelings.side >= 0).sum(axis=1) > 1]
+    apart = [
+        k
+        for k in range(len(labelings))
+        if not photo.overlap(labelings.side[k], labelings.offset[k])
+    ]
+    assert photo.list_apart(labelings) == apart
+    assert 0 < len(apart) < len(labelings)
