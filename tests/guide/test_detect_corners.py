@@ -13,7 +13,7 @@ from cubicfish.judge.codes import Code
 from cubicfish.observe import detection as passes
 from cubicfish.observe.detection import first_pass
 from cubicfish.photos import find_photos
-from cubicfish.workers import Work
+from cubicfish.workers.pool import Work
 from cubicfish_cli.words.remarks import remark_lines
 
 SAMPLE = Path(__file__).parents[2] / "sample_data"

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from cubicfish import Observations, Target
-from cubicfish.target import Board, Checkerboard
+from cubicfish.target import Board
+from cubicfish.target.boards.types import Checkerboard
 
 SIZE = (1280, 800)
 

@@ -11,7 +11,8 @@ from asymmetric_lens import AsymmetricLens
 from looking import look_at
 
 from cubicfish import Observations, Target
-from cubicfish.target import BOARD_TYPES, Board, Checkerboard
+from cubicfish.target import BOARD_TYPES, Board
+from cubicfish.target.boards.types import Checkerboard
 from cubicfish_cli.viewpoints.truth import (
     AnyLens,
     Pose,

@@ -23,7 +23,7 @@ from cubicfish.observe.detection import first_pass
 from cubicfish.photos import find_photos
 from cubicfish.solve import rms_px
 from cubicfish.target.boards.shape import BoardShape
-from cubicfish.workers import Work
+from cubicfish.workers.pool import Work
 from cubicfish_cli.render.board_faces import board_face
 from cubicfish_cli.words.sentences import render
 from tests.cubicfish.find.detection.test_markers import MIXED, POSE, errors, mixed_photo, photo_of

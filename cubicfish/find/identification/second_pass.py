@@ -15,7 +15,7 @@ import numpy.typing as npt
 from cubicfish.errors import FitError
 from cubicfish.find.detection.grids import round_pixels
 from cubicfish.find.detection.nearby import nearest
-from cubicfish.find.detection.pyramid import Pyramid, build_pyramid
+from cubicfish.find.detection.pyramid import Pyramid, build_pyramid, measure_noise
 from cubicfish.find.detection.refine import refine_corners
 from cubicfish.find.identification.identified import Detection
 from cubicfish.fit.calibrate import calibrate
@@ -97,8 +97,8 @@ def _cut_out(grey: npt.NDArray[np.generic], pixel: FloatArray) -> tuple[Pyramid,
     first = np.maximum(np.floor(pixel.min(axis=0)).astype(int) - _MARGIN_PX, 0)
     x, y = np.minimum(np.ceil(pixel.max(axis=0)).astype(int) + _MARGIN_PX + 1, (width, height))
     part = build_pyramid(grey[first[1] : y, first[0] : x])
-    whole = build_pyramid(grey)
-    return replace(part, noise=whole.noise * part.gain / whole.gain), first
+    noise, gain = measure_noise(grey)
+    return replace(part, noise=noise * part.gain / gain), first
 
 
 def predicted_corners(detection: Detection, target: Target) -> dict[str, Prediction]:

@@ -5,7 +5,7 @@ import pytest
 from lenses import cubic_camera
 
 from cubicfish import Target, ViewError, build_map, build_plane
-from cubicfish.target import Checkerboard
+from cubicfish.target.boards.types import Checkerboard
 
 CAMERA = cubic_camera(100.0)
 ORIGIN = np.array([-30.0, -20.0, 60.0])

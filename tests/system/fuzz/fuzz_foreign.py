@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cubicfish import Target
-from cubicfish.target import Checkerboard
+from cubicfish.target.boards.types import Checkerboard
 from cubicfish_cli.extensions.formats.mrcal_model import mrcal_text, read_mrcal
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
 from cubicfish_cli.extensions.formats.ocamcalib import (

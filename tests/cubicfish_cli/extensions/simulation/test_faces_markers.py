@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from cubicfish.target import AprilGrid, Markers
-from cubicfish.target.boards.types import Charuco
+from cubicfish.target import Markers
+from cubicfish.target.boards.types import AprilGrid, Charuco
 from cubicfish_cli.render.board_faces import board_face
 
 
