@@ -39,6 +39,7 @@ from cubicfish import save_corners as save_corners
 from cubicfish import save_map as save_map
 from cubicfish import save_rig as save_rig
 from cubicfish import save_target as save_target
+from cubicfish import stitch as stitch
 from cubicfish import undistort as undistort
 from cubicfish.views import ViewOptions as ViewOptions
 from cubicfish_cli.commands.calibrate import CalibrateOptions as CalibrateOptions

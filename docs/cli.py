@@ -176,7 +176,10 @@ def _fields_of(kind: type) -> dict[str, str]:
             names, _, meaning = entry.rstrip(".").replace("``", "").partition(": ")
             texts |= dict.fromkeys(names.split(", "), meaning)
     hints = get_type_hints(kind)
-    return {one.name: texts[one.name] + _name_inner(hints[one.name]) for one in fields(kind)}
+    return {
+        one.metadata.get("key", one.name): texts[one.name] + _name_inner(hints[one.name])
+        for one in fields(kind)
+    }
 
 
 def _name_inner(hint: Any) -> str:

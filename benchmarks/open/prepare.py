@@ -15,7 +15,8 @@ import numpy as np
 import yaml
 from job import LEAST, grids_of, read_table
 
-from cubicfish import FramesOptions, Target, choose_frames, detect, save_corners
+from cubicfish import Target, detect, save_corners
+from cubicfish_cli import FramesOptions, choose_frames
 
 MOST = 30  # frames of a film
 

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cubicfish.judge.codes import Code, Severity
-from cubicfish.judge.finding import Finding, Level, level_of
+from cubicfish.judge.finding import Finding, VerdictLevel, level_of
 from cubicfish.judge.fit_record import ErrorStatistics, FitRecord
 from cubicfish.judge.uncertainty import CERTAIN_PX, FieldUncertainty, of_size
 from cubicfish.types import FloatArray
@@ -73,14 +73,14 @@ class Verdict:
 
     """
 
-    WORDS: ClassVar[Mapping[Level, str]] = {
+    WORDS: ClassVar[Mapping[VerdictLevel, str]] = {
         "good": "good",
         "care": "usable with care",
         "bad": "not to be trusted",
     }
     """What is said of each level."""
 
-    level: Level
+    level: VerdictLevel
     figures: str = ""
     reasons: tuple[Finding, ...]
 
@@ -181,7 +181,7 @@ def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[Verdict]
 
 
 def _state_fit(fit: FitRecord) -> str:
-    radial, rim, parts = fit.companion_held_out_rms_px, fit.reach.rim_coverage, []
+    radial, rim, parts = fit.radial_held_out_rms_px, fit.reach.rim_coverage, []
     if math.isfinite(fit.held_out_rms_px):
         beside = f" (a radial lens: {radial:.3f})" if math.isfinite(radial) else ""
         parts.append(f"off by {fit.held_out_rms_px:.3f} px{beside} on photos left out of the fit")
@@ -217,7 +217,7 @@ def _apply_rules(
     """
     extent, known = of.reach, of.uncertainty
     held_out, rms, photos = of.held_out_rms_px, of.rms_px, of.images
-    radial = of.companion_held_out_rms_px
+    radial = of.radial_held_out_rms_px
     error = float(np.fmax(held_out, rms))
     if of.says_nothing:  # not a calibration of ours, such as an import
         yield from _report(Severity.CARE, Code.NO_FIGURES, "elsewhere")

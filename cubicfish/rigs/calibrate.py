@@ -25,7 +25,7 @@ from cubicfish.rigs.shots import Matching, Times
 from cubicfish.rigs.start import RigStart, connected, refuse_exchanged, start_rig
 from cubicfish.rigs.times import CornerMotion, Motion
 from cubicfish.rigs.views import JoinedViews, observed_shots
-from cubicfish.solve.deformable_target import LEVELS, NominalTarget
+from cubicfish.solve.deformable_target import TARGET_MODELS, NominalTarget
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
 from cubicfish.threads import one_blas_thread
@@ -110,7 +110,9 @@ def calibrate_rig(
         singly=singly,
         common=common,
         nominal=_make_nominal(views.pairs, target, common),
-        level="off" if target is None else max((one.level for one in singly), key=LEVELS.index),
+        level="off"
+        if target is None
+        else max((one.level for one in singly), key=TARGET_MODELS.index),
         motion=motion,
         start=_start(names, views, singly),
     )

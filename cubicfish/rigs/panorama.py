@@ -88,7 +88,7 @@ class Body:
                 size = sizes.get(one.name, one.camera.image_size)
                 cameras.append(replace(one, camera=one.camera.for_photos(size)))
             except ViewError as problem:
-                raise ViewError(f"camera {one.name}: {problem}") from problem
+                raise problem.amid(f"camera {one.name}: ") from problem
         return replace(self, cameras=tuple(cameras))
 
     def in_camera(self, one: RigCamera, rays: FloatArray) -> FloatArray:
@@ -216,7 +216,7 @@ class Panorama:
                 made = undistort(photos[name], self.maps[number], interpolation=interpolation)
                 parts.append(made)
             except ViewError as problem:
-                raise ViewError(f"camera {name}: {problem}") from problem
+                raise problem.amid(f"camera {name}: ") from problem
         wide = (slice(None), slice(None), *(None,) * (parts[0].ndim - 2))
         weights = [self.weights[number] for number in there]
         weight = sum(weights[1:], weights[0])

@@ -464,13 +464,13 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
     else:
         judged = "photos judged by cameras that never saw them"
         more.append(
-            ("  radial reference", fit.companion_rms_px, "a Kannala–Brandt lens, same corners")
+            ("  radial reference", fit.radial_rms_px, "a Kannala–Brandt lens, same corners")
         )
     if math.isnan(fit.held_out_rms_px):
         judged = "not measured"
     more.append(("held-out RMS", fit.held_out_rms_px, judged))
     if fit.held_out_folds:
-        more.append(("  radial reference", fit.companion_held_out_rms_px, ""))
+        more.append(("  radial reference", fit.radial_held_out_rms_px, ""))
     figures.print_errors(fit, more)
     for figure in scope(fitted):
         figures.print_figure(*figure)

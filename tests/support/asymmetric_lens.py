@@ -17,12 +17,13 @@ import numpy.typing as npt
 from cubicfish import FloatArray
 from cubicfish.angles import columns
 from cubicfish.geometry import (
+    decentring,
     decentring_slope,
     inverse_of_growing,
     kannala_brandt,
     kannala_brandt_slope,
 )
-from cubicfish.models import FocalLens, RadialCamera, angle_from_axis, decentring
+from cubicfish.models import FocalLens, RadialCamera, angle_from_axis
 
 _CHECKED_ANGLES = 4096
 _DECENTRING_ROUNDS = 8

@@ -15,6 +15,7 @@ from running import Run
 
 import cubicfish_cli
 from cubicfish.judge.fit_record import FitRecord
+from cubicfish.judge.records import key_of
 
 ROOT = Path(__file__).parents[2]
 TREE = list(commands())
@@ -96,7 +97,7 @@ class Nothing:
 
 def test_keys_are_those_of_the_records_within(made: ModuleType) -> None:
     keys = keys_of("calibrate")
-    assert {one.name for one in fields(FitRecord)} < keys.keys()
+    assert {key_of(one) for one in fields(FitRecord)} < keys.keys()
     assert keys["dropped_corners"].endswith(": image, board, column, row, error_px")
     assert "cause" not in keys["findings"]
 

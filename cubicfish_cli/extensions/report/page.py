@@ -91,7 +91,7 @@ def _make_tiles(facts: Facts) -> list[tuple[str, str, str]]:
         for name, value, meaning in (
             ("RMS error", fit.rms_px, "on the photos of the fit"),
             ("Held-out RMS", fit.held_out_rms_px, "on photos that a fit never saw"),
-            ("Radial reference, held out", fit.companion_held_out_rms_px, "a Kannala–Brandt lens"),
+            ("Radial reference, held out", fit.radial_held_out_rms_px, "a Kannala–Brandt lens"),
         )
         if math.isfinite(value)
     ]

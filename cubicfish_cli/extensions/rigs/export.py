@@ -77,7 +77,7 @@ def export_rig_files(options: RigExportOptions, *, run: Run = Run()) -> Exported
         try:
             own = export_camera(one, to, max_error=max_error, max_angle_deg=options.max_angle_deg)
         except FitError as problem:
-            raise FitError(f"camera {one.name}: {problem}") from problem
+            raise problem.amid(f"camera {one.name}: ") from problem
         made.append((one, own))
     write = Place(write_as.extension, write_as.write_rig).load()
     text = write(lens_rig(known, made))

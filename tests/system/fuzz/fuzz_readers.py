@@ -12,7 +12,7 @@ import fuzz_lenses as lenses
 import numpy as np
 
 from cubicfish import CubicfishError, Target, load_any_camera, load_corners
-from cubicfish.io.corners_csv import load_correspondences
+from cubicfish.io import load_correspondences
 from cubicfish.photos.photos import decode_picture, photo_size, read_file
 from cubicfish_cli.commands.points import read_points
 

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from lenses import cubic_camera, random_rays
 
 from cubicfish import CameraFile, CameraFileError, OutputError, load_any_camera, load_camera
-from cubicfish.io.camera_yaml import PointCameraFile, camera_text
+from cubicfish.io import PointCameraFile
+from cubicfish.io.camera_yaml import camera_text
 from cubicfish.judge import FitRecord
 from cubicfish.models import PointCamera
 from cubicfish_cli import save_camera
