@@ -12,8 +12,7 @@ import inspect
 import os
 import sys
 import types
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from collections.abc import Set as AnySet
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache, wraps
 from importlib import import_module
 from numbers import Integral, Real
@@ -99,11 +98,7 @@ def _misfits(name: str, value: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]
         if value is None or isinstance(value, str | bytes | Mapping | os.PathLike):
             yield name, value, kind
     elif origin in _UNIONS:
-        ways = [[*_misfits(name, value, one)] for one in inner]
-        if all(ways):
-            # What is of the right sort, and has something wrong inside, says more.
-            deeper = [found for found in ways if found[0][0] != name]
-            yield from deeper[0] if len(deeper) == 1 else [(name, value, kind)] * (not deeper)
+        yield from _misfits_of_all(name, value, kind)
     elif not _is_of(value, origin, inner):
         yield name, value, kind
     elif getattr(value, "checked_fields", False):
@@ -113,6 +108,19 @@ def _misfits(name: str, value: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]
                 yield from _misfits(f"{name}.{field}", getattr(value, field), must)
     elif inner and origin is not Literal:
         yield from _misfits_inside(name, value, kind)
+
+
+def _misfits_of_all(name: str, value: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]:
+    """What fits none of several annotations."""
+    ways = [[*_misfits(name, value, one)] for one in get_args(kind)]
+    if not all(ways):
+        return
+    # What is of the right sort, and has something wrong inside, says more.
+    deeper = [found for found in ways if found[0][0] != name]
+    if not deeper:
+        yield name, value, kind
+    elif len(deeper) == 1:
+        yield from deeper[0]
 
 
 def _misfits_inside(name: str, value: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]:
@@ -138,23 +146,30 @@ def _is_of(value: Any, origin: Any, inner: Sequence[Any]) -> bool:
     """Whether a value is of a kind, whatever it holds."""
     if origin is Literal:
         return isinstance(value, str | int) and value in inner
-    if origin in (None, types.NoneType):
-        return value is None
-    if origin is bool:
-        return isinstance(value, bool) or type(value).__name__ in ("bool_", "bool")
-    if origin in (int, float):
-        if isinstance(value, bool) or not isinstance(value, Integral if origin is int else Real):
-            return False
-        return value == value  # NaN is no number
+    if origin in _NUMBERS:
+        return _NUMBERS[origin](value)
     if isinstance(value, str | os.PathLike) and "\0" in str(value):
         return False  # no text or name of a file has that
     if not isinstance(origin, type):
         return True
     if getattr(origin, "_is_protocol", False):
         return all(hasattr(value, name) for name in _members(origin))
-    if issubclass(origin, tuple | Sequence | Iterable) and not issubclass(origin, Mapping | str):
+    if _is_of_many(origin):
         return _is_series(value, origin)
     return isinstance(value, origin)
+
+
+_NUMBERS: Mapping[Any, Callable[[Any], bool]] = {
+    bool: lambda value: isinstance(value, bool) or type(value).__name__ in ("bool_", "bool"),
+    int: lambda value: isinstance(value, Integral) and not isinstance(value, bool),
+    # NaN is no number.
+    float: lambda value: isinstance(value, Real) and type(value) is not bool and value == value,
+}
+
+
+def _is_of_many(kind: type) -> bool:
+    """Whether an annotation is of a list or the like, with what is in it."""
+    return issubclass(kind, Iterable) and not issubclass(kind, Mapping | str | bytes)
 
 
 def _is_series(value: Any, origin: type) -> bool:
@@ -252,10 +267,7 @@ def _describe(kind: Any) -> str:
     if _is_array(origin) or _is_array(kind):
         return "an array"
     if origin in _UNIONS or origin is Literal:
-        words = [quoted(one) for one in _literals_in(kind)]
-        if origin is not Literal:
-            words += [_describe(one) for one in inner if get_origin(one) is not Literal]
-        return listed([*dict.fromkeys(words)], word="or")
+        return _describe_choice(kind)
     if origin in _PLAIN:
         return _PLAIN[origin]
     if not isinstance(origin, type):
@@ -263,11 +275,19 @@ def _describe(kind: Any) -> str:
     if issubclass(origin, os.PathLike):
         return "a path"
     if issubclass(origin, Mapping):
-        return f"a mapping to {_describe(inner[1])}" if inner else "a mapping"
-    if issubclass(origin, AnySet | Sequence) or origin is Iterable:
-        count = f"{len(inner)}" if origin is tuple and Ellipsis not in inner else "some"
-        return f"a list of {count}, each {_describe(inner[0])}" if inner else "a list"
+        return f"a mapping to {_describe(inner[1])}"
+    if _is_of_many(origin):
+        count = str(len(inner)) if origin is tuple and Ellipsis not in inner else "some"
+        return f"a list of {count}, each {_describe(inner[0])}"
     return _with_article(origin.__name__)
+
+
+def _describe_choice(kind: Any) -> str:
+    """Several annotations in words: first the words that may be given."""
+    words = [quoted(one) for one in _literals_in(kind)]
+    if get_origin(kind) is not Literal:
+        words += [_describe(one) for one in get_args(kind) if get_origin(one) is not Literal]
+    return listed([*dict.fromkeys(words)], word="or")
 
 
 def _name_value(value: object) -> str:

@@ -7,7 +7,7 @@ where PyYAML's default is YAML 1.1.
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -83,48 +83,67 @@ def parse_plain_yaml(
 
 def _read_documents(path: Path, text: str, error: type[CubicfishError]) -> list[Any]:
     """Build the one document that a text holds, if any, from the parser's events."""
-    documents: list[Any] = []
-    around: list[Any] = [documents]  # the lists and mappings that are open, the innermost last
-    key = None  # of the innermost mapping, while its value is awaited
-    events: Iterator[Any] = yaml.parse(text, _Loader)
-
-    def refuse(what: str) -> NoReturn:
-        raise error(f"{path}, line {event.start_mark.line + 1}: {what}")
-
-    for count, event in enumerate(events, start=1):
+    tree = _Tree(path, error)
+    for count, event in enumerate(yaml.parse(text, _Loader), start=1):
         if count > MAX_VALUES:
             raise error(f"{path} holds more than {MAX_VALUES:,} values: is it the right file?")
+        tree.add(event)
+    return tree.documents
+
+
+class _Tree:
+    """The documents of a file, while they are built."""
+
+    def __init__(self, path: Path, error: type[CubicfishError]) -> None:
+        self._path, self._error = path, error
+        self.documents: list[Any] = []
+        # The lists and mappings that are open, the innermost last.
+        self._around: list[Any] = [self.documents]
+        self._key: str | None = None  # of the innermost mapping, while its value is awaited
+
+    def add(self, event: Any) -> None:
+        """Add what one of the parser's events begins, holds or ends."""
         kind = type(event)
+
+        def refuse(what: str) -> NoReturn:
+            raise self._error(f"{self._path}, line {event.start_mark.line + 1}: {what}")
+
         if issubclass(kind, yaml.CollectionEndEvent):
-            around.pop()
-        if kind is yaml.DocumentStartEvent and documents:
+            self._around.pop()
+        elif kind is yaml.DocumentStartEvent and self.documents:
             refuse("a second document starts here: one is expected")
-        if not issubclass(kind, yaml.NodeEvent):
-            continue
-        if event.anchor is not None:
-            refuse("anchors and aliases (& and *) are not allowed: write values out")
-        if event.tag is not None:
-            refuse("tags (!) are not allowed: plain data only")
-        inner = around[-1]
-        if isinstance(inner, dict) and key is None:
-            if kind is not yaml.ScalarEvent:
-                refuse("a key must be text")
-            if event.value in inner:
-                refuse(f"the key {quoted(event.value)} is there twice")
-            key = event.value
-            continue
+        elif issubclass(kind, yaml.NodeEvent):
+            if event.anchor is not None:
+                refuse("anchors and aliases (& and *) are not allowed: write values out")
+            if event.tag is not None:
+                refuse("tags (!) are not allowed: plain data only")
+            if isinstance(self._around[-1], dict) and self._key is None:
+                self._key = self._read_key(event, refuse)
+            else:
+                self._put(event, refuse)
+
+    def _read_key(self, event: Any, refuse: Callable[[str], NoReturn]) -> str:
+        if type(event) is not yaml.ScalarEvent:
+            refuse("a key must be text")
+        key: str = event.value
+        if key in self._around[-1]:
+            refuse(f"the key {quoted(key)} is there twice")
+        return key
+
+    def _put(self, event: Any, refuse: Callable[[str], NoReturn]) -> None:
+        """Put a value into the innermost list or mapping; one that others follow in is open."""
+        inner, kind = self._around[-1], type(event)
         value: Any = {} if kind is yaml.MappingStartEvent else []
         if kind is yaml.ScalarEvent:
             value = _read_scalar(event.value, refuse) if event.implicit[0] else event.value
-        elif len(around) > MAX_DEPTH:
+        elif len(self._around) > MAX_DEPTH:
             refuse(f"nested more than {MAX_DEPTH} levels deep")
         if isinstance(inner, dict):
-            inner[key], key = value, None
+            inner[self._key], self._key = value, None
         else:
             inner.append(value)
         if kind is not yaml.ScalarEvent:
-            around.append(value)
-    return documents
+            self._around.append(value)
 
 
 def _read_scalar(text: str, refuse: Callable[[str], NoReturn]) -> str | float | bool | None:

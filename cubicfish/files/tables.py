@@ -119,28 +119,15 @@ class Table:
             comment, text = (*re.split("\r\n?|\n", text, maxsplit=1), "")[:2]
         offset = 1 if comment else 0
         rows, lines = _split_rows(name, text, offset, error)
-        wanted = ",".join(required)
         if not rows:
             raise error(
-                f"{name} is empty: its header must be {wanted}: make it again, or name another file"
+                f"{name} is empty: its header must be {','.join(required)}: make it again, or name "
+                "another file"
             )
         header = [column.strip() for column in rows[0]]
-        where = f"{name}, line {lines[0]}"
-        other = next((one for one in ";\t" if len(header) == 1 and one in header[0]), None)
-        if other is not None:
-            kind = "semicolons" if other == ";" else "tabs"
-            raise error(
-                f"{where}: {kind} separate its values: save it as CSV with commas between them"
-            )
-        for column in required:
-            if column not in header:
-                raise error(f"{where}: the header must be {wanted}: {quoted(column)} is missing")
-        for index, column in enumerate(header):
-            if column not in required and column not in optional:
-                known = did_you_mean(column, [*required, *optional])
-                raise error(f"{where}: unknown column {quoted(column)}: {known}")
-            if column in header[:index]:
-                raise error(f"{where}: the column {quoted(column)} is there twice")
+        what = _explain_header(header, required, optional)
+        if what:
+            raise error(f"{name}, line {lines[0]}: {what}")
         if len(rows) == 1:
             raise error(
                 f"{name} has a header and no rows below it: make it again, or name another file"
@@ -162,6 +149,23 @@ class Table:
         text = io.StringIO(newline="")
         csv.writer(text, lineterminator="\n").writerows(rows)
         return text.getvalue()
+
+
+def _explain_header(header: Sequence[str], required: Sequence[str], optional: Sequence[str]) -> str:
+    """Say what is wrong with the names of a table's columns; nothing where they are right."""
+    for mark, kind in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and mark in header[0]:
+            return f"{kind} separate its values: save it as CSV with commas between them"
+    for column in required:
+        if column not in header:
+            return f"the header must be {','.join(required)}: {quoted(column)} is missing"
+    for index, column in enumerate(header):
+        if column not in required and column not in optional:
+            known = did_you_mean(column, [*required, *optional])
+            return f"unknown column {quoted(column)}: {known}"
+        if column in header[:index]:
+            return f"the column {quoted(column)} is there twice"
+    return ""
 
 
 def _split_rows(

@@ -215,14 +215,19 @@ def _find_in_folder(folder: Path, missed: list[Path]) -> list[Path]:
     files = [path for path in entries if not path.is_dir()]
     photos = [path for path in files if is_photo_name(path)]
     if not photos:
-        others = sorted({path.suffix.lower() for path in files if path.suffix})
-        below = [shown(path) for path in entries if path.is_dir() and path.name[:1] != "."]
-        there = f", only {', '.join(others[:5])}" if others else ""
-        if below and not others:
-            there = f", only folders ({listed(below, 'folders')})"
+        there = _describe_others(files, [path for path in entries if path.is_dir()])
         raise PhotoError(f"{shown(folder)} holds no photos{there}: photos are {_READABLE} files")
     missed += [path for path in files if _may_be_missed(path)]
     return photos
+
+
+def _describe_others(files: Sequence[Path], folders: Sequence[Path]) -> str:
+    """What a folder without photos holds."""
+    others = sorted({path.suffix.lower() for path in files if path.suffix})
+    below = [shown(path) for path in folders if path.name[:1] != "."]
+    if others:
+        return f", only {', '.join(others[:5])}"
+    return f", only folders ({listed(below, 'folders')})" if below else ""
 
 
 def _make_names(paths: Sequence[Path]) -> list[str]:

@@ -58,11 +58,7 @@ def build_plane(
 
     """
     refusal = Refusal(error=ViewError)
-    for name, value in (("pixels_per_unit", pixels_per_unit), ("margin", margin)):
-        if value is not None and not (math.isfinite(value) and value >= 0):
-            raise ViewError(f"{name} must be a finite number of 0 or more, not {value}")
-    if pixels_per_unit == 0:
-        raise ViewError("pixels_per_unit must be above 0")
+    _refuse_lengths(pixels_per_unit, margin)
     turn = refusal.numbers(rotation, "rotation", 3)
     if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=_SQUARE_TOLERANCE):
         raise ViewError("rotation is no rotation matrix (3, 3)")
@@ -100,3 +96,10 @@ def build_plane(
     }
     size = (max(1, round(float(sides[0]) * scale)), max(1, round(float(sides[1]) * scale)))
     return PlaneView(size=size, pixels_per_unit=scale, **vectors)
+
+
+def _refuse_lengths(pixels_per_unit: float | None, margin: float | None) -> None:
+    if pixels_per_unit is not None and not 0 < pixels_per_unit < math.inf:
+        raise ViewError(f"pixels_per_unit must be finite and above 0, not {pixels_per_unit}")
+    if margin is not None and not 0 <= margin < math.inf:
+        raise ViewError(f"margin must be finite, and 0 or more, not {margin}")

@@ -250,23 +250,35 @@ def _choose_columns(
     rows: Sequence[PhotoRow], boards: Sequence[str], width: int
 ) -> dict[str, Callable[[PhotoRow], str]]:
     """The titles of the table's columns that so wide a terminal has, and what their cells say."""
-    columns: dict[str, Callable[[PhotoRow], str]] = {"photo": lambda row: row.name}
     with_errors = any(math.isfinite(row.rms_px) for row in rows)
-    if width >= _NARROW or not with_errors:
-        columns["corners"] = lambda row: "-" if row.corners is None else str(row.corners)
-    if width >= _ROOMY or (width >= _WIDE and len(boards) <= _FEW_BOARDS):
-        for board in boards:
-            columns[board] = partial(_describe_board, board=board)
-    if width >= _NARROW and any(row.dropped for row in rows):
-        columns["dropped"] = lambda row: str(row.dropped or "-")
-    if with_errors:
-        columns["rms px"] = lambda row: px(row.rms_px)
-        if width >= _ROOMY:
-            columns["median"] = lambda row: "-" if row.errors is None else px(row.errors.median_px)
-            columns["95 %"] = lambda row: "-" if row.errors is None else px(row.errors.p95_px)
-        if width >= _NARROW:
-            columns["largest"] = lambda row: "-" if row.errors is None else px(row.errors.max_px)
-    return {**columns, "verdict": lambda row: row.words}
+    with_dropped = any(row.dropped for row in rows)
+    room_for_boards = _WIDE if len(boards) <= _FEW_BOARDS else _ROOMY
+    columns: list[tuple[str, int, Callable[[PhotoRow], str]]] = [
+        ("photo", 0, lambda row: row.name),
+        ("corners", _NARROW * with_errors, _write_corners),
+        *((board, room_for_boards, partial(_describe_board, board=board)) for board in boards),
+        *[("dropped", _NARROW, lambda row: str(row.dropped or "-"))] * with_dropped,
+        *_ERROR_COLUMNS * with_errors,
+        ("verdict", 0, lambda row: row.words),
+    ]
+    return {title: cell for title, least, cell in columns if width >= least}
+
+
+def _write_corners(row: PhotoRow) -> str:
+    return "-" if row.corners is None else str(row.corners)
+
+
+def _write_error(row: PhotoRow, name: str) -> str:
+    return "-" if row.errors is None else px(getattr(row.errors, name))
+
+
+_ERROR_COLUMNS: list[tuple[str, int, Callable[[PhotoRow], str]]] = [
+    ("rms px", 0, lambda row: px(row.rms_px)),
+    ("median", _ROOMY, partial(_write_error, name="median_px")),
+    ("95 %", _ROOMY, partial(_write_error, name="p95_px")),
+    ("largest", _NARROW, partial(_write_error, name="max_px")),
+]
+"""The columns of errors: title, the least width of a terminal that has it, what a cell says."""
 
 
 def _describe_board(row: PhotoRow, board: str) -> str:

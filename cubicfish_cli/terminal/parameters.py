@@ -399,19 +399,27 @@ def command_line() -> str:
         value = context.params.get(parameter.name or "")
         if isinstance(parameter, click.Argument):
             words += map(str, value if isinstance(value, tuple) else [value])
-            continue
-        given = context.get_parameter_source(parameter.name or "")
-        if parameter.name not in context.params or parameter.name in _CHANGES_NO_CAMERA:
-            continue
-        if given is not ParameterSource.COMMANDLINE:
-            continue
-        names = parameter.secondary_opts if value is False else parameter.opts
-        given_often = isinstance(parameter, click.Option) and parameter.multiple
-        for one in (value or ()) if given_often else (value,):
-            words.append(max(names or parameter.opts, key=len))
-            if not isinstance(one, bool):
-                words.append("x".join(map(str, one)) if isinstance(one, tuple) else str(one))
+        elif _makes_the_camera(context, parameter):
+            words += _written_option(parameter, value)
     return shlex.join(words)
+
+
+def _makes_the_camera(context: click.Context, parameter: click.Parameter) -> bool:
+    """Whether an option is given, and is one that changes what comes out."""
+    name = parameter.name or ""
+    given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+    return given and name in context.params and name not in _CHANGES_NO_CAMERA
+
+
+def _written_option(parameter: click.Parameter, value: Any) -> list[str]:
+    """The words that give an option a value."""
+    names = parameter.secondary_opts if value is False else parameter.opts
+    name = max(names or parameter.opts, key=len)
+    if isinstance(value, bool):
+        return [name]
+    if isinstance(parameter, click.Option) and parameter.multiple:
+        return [word for one in value or () for word in (name, str(one))]
+    return [name, "x".join(map(str, value)) if isinstance(value, tuple) else str(value)]
 
 
 def verbosity() -> int:

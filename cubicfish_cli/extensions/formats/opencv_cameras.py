@@ -204,28 +204,34 @@ def read_opencv(
 
 def _read_row(path: Path, name: str, value: Any) -> Any:
     """Return the numbers of a matrix, or of nested lists, row by row; a number as a list."""
-    if not isinstance(value, dict):
-        if isinstance(value, list) and value and all(isinstance(row, list) for row in value):
-            return [one for row in value for one in row]
-        return [value] if isinstance(value, int | float) else value
-    data = value.get("data")
+    if isinstance(value, dict):
+        return _read_matrix_data(path, name, value)
+    if isinstance(value, list) and value and all(isinstance(row, list) for row in value):
+        return [one for row in value for one in row]
+    return _in_list(value)
+
+
+def _read_matrix_data(path: Path, name: str, value: Mapping[str, Any]) -> Any:
+    """Return the numbers of a mapping with ``rows``, ``cols`` and ``data``."""
+    data: Any = value.get("data")
+    rows: Any = value.get("rows")
+    columns: Any = value.get("cols")
     if isinstance(data, str) and data.startswith("$base64$"):
         raise CameraFileError(
             f"{path}: {quoted(name)} is packed in base 64: write the file without WRITE_BASE64"
         )
-    if isinstance(data, int | float) or data is None:
-        data = [] if data is None else [data]  # as XML has lists of one and of none
-    rows, columns = value.get("rows"), value.get("cols")
-    if (
-        isinstance(data, list)
-        and isinstance(rows, int)
-        and isinstance(columns, int)
-        and rows * columns != len(data)
-    ):
+    data = [] if data is None else _in_list(data)  # as XML has lists of none
+    counted = isinstance(rows, int) and isinstance(columns, int)
+    if counted and isinstance(data, list) and rows * columns != len(data):
         raise CameraFileError(
             f"{path}: {quoted(name)} holds {len(data)} numbers, not rows times cols"
         )
     return data
+
+
+def _in_list(value: Any) -> Any:
+    """Return a number in a list, as XML has lists of one, and anything else as it is."""
+    return [value] if isinstance(value, int | float) else value
 
 
 @dataclass(frozen=True, eq=False)

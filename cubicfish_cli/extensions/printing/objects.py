@@ -167,15 +167,7 @@ def _fit_squares(
     most = made.counts[1] if options.square is None and options.counts is None else 1000
     best: tuple[float, float, list[Counts]] = (0.0, 0.0, [])
     for square in _SQUARES if side is None else (side,):
-        quiet = made.quiet * square
-        white = max(quiet, rim)
-        limits = [
-            (
-                min(most, made.count(width - 2 * white, square)),
-                min(most, made.count(height - STRIP - quiet - white, square)),
-            )
-            for width, height in rooms
-        ]
+        limits = [_count_room(made, room, square, most, rim) for room in rooms]
         if options.counts is None:
             counts = _choose_distinct_counts(made, limits)
         else:
@@ -183,16 +175,30 @@ def _fit_squares(
         lengths = [[made.length(n, square) for n in own] for own in counts]
         best = max(best, (sum(across * down for across, down in lengths), square, counts))
     if not best[2]:
-        what = f"{made.type}s"
-        if side is not None:
-            what = f"squares of {side:g} mm"
-        elif options.counts is not None:
-            what = "{}x{} corners".format(*options.counts)
         raise TargetError(
-            f"a {options.kind} of {what} does not fit on {paper.name}, one board per page: take "
-            "larger paper, smaller squares or fewer corners"
+            f"a {options.kind} of {_describe_squares(options, made, side)} does not fit on "
+            f"{paper.name}, one board per page: take larger paper, smaller squares or fewer corners"
         )
     return float(best[1]), best[2]
+
+
+def _count_room(made: Design, room: FloatArray, square: float, most: int, rim: float) -> Counts:
+    """Return how many corners of a square's size a sheet has room for, ``most`` at most."""
+    width, height = room
+    quiet = made.quiet * square
+    white = max(quiet, rim)
+    return (
+        min(most, made.count(width - 2 * white, square)),
+        min(most, made.count(height - STRIP - quiet - white, square)),
+    )
+
+
+def _describe_squares(options: PrintOptions, made: Design, side: float | None) -> str:
+    if side is not None:
+        return f"squares of {side:g} mm"
+    if options.counts is not None:
+        return "{}x{} corners".format(*options.counts)
+    return f"{made.type}s"
 
 
 def _choose_distinct_counts(made: Design, limits: Sequence[Counts]) -> list[Counts]:

@@ -1,7 +1,11 @@
 """Views in space of the target and the photos' places."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
+from cubicfish import FloatArray
 from cubicfish.solve import Poses
 from cubicfish_cli.inputs.calibration_facts import Facts
 from cubicfish_cli.render.pages import figures as page
@@ -9,7 +13,67 @@ from cubicfish_cli.render.pages.plot import INK, Space
 
 # Size of a drawn camera, as a share of all that is drawn.
 _CAMERA = 0.06
-_VIEWS = (("Where the photos were taken from", 25, -50), ("The same from above", 89.9, -90))
+_VIEWS = (
+    ("scene-side", "Where the photos were taken from", 25, -50),
+    ("scene-top", "The same from above", 89.9, -90),
+)
+"""Name, title, elevation and azimuth, degrees."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Scene:
+    """What is drawn, turned upright.
+
+    Attributes:
+        plates: (outline (K, 3), colour) of each board that has squares.
+        points: (N, 3) of each other board, or of pairs.
+        centre, rotation: (P, 3) and (P, 3, 3) of the photos.
+
+    """
+
+    plates: Sequence[tuple[FloatArray, str]]
+    points: Sequence[FloatArray]
+    centre: FloatArray
+    rotation: FloatArray
+
+    @property
+    def everything(self) -> FloatArray:
+        """All of it, (N, 3)."""
+        plates = [plate for plate, _ in self.plates]
+        return np.concatenate([*plates, *self.points, self.centre])
+
+    def drawn(self, elevation: float, azimuth: float) -> Space:
+        """Draw it from a side."""
+        space = Space(self.everything, elevation, azimuth)
+        for plate, colour in sorted(self.plates, key=lambda one: space.depth(one[0])):
+            space.area(plate, colour, 0.3)
+        for points in self.points:
+            space.dots(points[page.some(len(points), page.MOST_DOTS // 4)], page.BLUE, 2.0)
+        size = _CAMERA * float(np.ptp(self.everything, axis=0).max() or 1.0)
+        page.draw_cameras(space, self.centre, self.rotation, size, [INK] * len(self.centre))
+        return space
+
+
+def _make_scene(facts: Facts, poses: Poses, colours: Sequence[str]) -> _Scene:
+    """Gather what is drawn; boards have a colour each."""
+    rotation = poses.rotation
+    centre = -np.einsum("nij,ni->nj", rotation, poses.translation)
+    boards = () if facts.target is None else facts.target.boards
+    # A fit and its file differ in the last digits, but the page must be the same.
+    outlines = [board.outline().astype(np.float32).astype(float) for board in boards]
+    of_boards = list(zip(boards, outlines, colours, strict=True))
+    plates = [(plate, colour) for board, plate, colour in of_boards if board.points is None]
+    loose = [plate for board, plate, _ in of_boards if board.points is not None]
+    if not boards and facts.errors is not None:
+        loose = [facts.errors.pairs.world]
+    middle = np.concatenate([*outlines, *loose, centre]).mean(axis=0)
+    turn = page.upright((middle - centre).mean(axis=0), -rotation[:, 1].mean(axis=0))
+    return _Scene(
+        plates=[(plate @ turn.T, colour) for plate, colour in plates],
+        points=[points @ turn.T for points in loose],
+        centre=centre @ turn.T,
+        rotation=rotation @ turn.T,
+    )
 
 
 def scene_figures(facts: Facts) -> dict[str, page.Drawn]:
@@ -17,49 +81,29 @@ def scene_figures(facts: Facts) -> dict[str, page.Drawn]:
     poses = Poses.of_photos(facts.fit.poses, [*facts.fit.poses])
     if poses is None:
         return {}
-    rotation = poses.rotation
-    centre = -np.einsum("nij,ni->nj", rotation, poses.translation)
     boards = () if facts.target is None else facts.target.boards
-    # A fit and its file differ in the last digits, but the page must be the same.
-    plates = [board.outline().astype(np.float32).astype(float) for board in boards]
-    loose = [plate for board, plate in zip(boards, plates, strict=True) if board.points is not None]
-    if not boards and facts.errors is not None:
-        loose = [facts.errors.pairs.world]
-    middle = np.concatenate([*plates, *loose, centre]).mean(axis=0)
-    turn = page.upright((middle - centre).mean(axis=0), -rotation[:, 1].mean(axis=0))
-    everything = np.concatenate([*plates, *loose, centre]) @ turn.T
-    several = len(boards) <= len(page.BOARD_COLOURS)
-    colours = page.BOARD_COLOURS if several else (page.BLUE,) * len(boards)
-    size = _CAMERA * float(np.ptp(everything, axis=0).max() or 1.0)
-    drawn = {}
-    for name, (title, elevation, azimuth) in zip(("scene-side", "scene-top"), _VIEWS, strict=True):
-        space = Space(everything, elevation, azimuth)
-        seen = [
-            (plate @ turn.T, colour)
-            for board, plate, colour in zip(boards, plates, colours, strict=False)
-            if board.points is None
-        ]
-        for plate, colour in sorted(seen, key=lambda one: space.depth(one[0])):
-            space.area(plate, colour, 0.3)
-        for points in loose:
-            shown = points[page.some(len(points), page.MOST_DOTS // 4)] @ turn.T
-            space.dots(shown, page.BLUE, 2.0)
-        page.draw_cameras(space, centre @ turn.T, rotation @ turn.T, size, [INK] * len(centre))
-        drawn[name] = page.finished(
-            space,
+    told_apart = len(boards) <= len(page.BOARD_COLOURS)
+    colours = page.BOARD_COLOURS[: len(boards)] if told_apart else (page.BLUE,) * len(boards)
+    scene = _make_scene(facts, poses, colours)
+    keys = [
+        page.Key(kind="area", colour=colour, text=board.name)
+        for board, colour in zip(boards * told_apart, colours, strict=False)
+    ]
+    count = len(scene.centre)
+    return {
+        name: page.finished(
+            scene.drawn(elevation, azimuth),
             name=name,
             title=title,
-            label=f"{len(plates)} boards and {len(centre)} camera poses",
-            caption=f"{len(centre):,} photo{'s' * (len(centre) != 1)}; lengths are in "
+            label=f"{len(boards)} boards and {count} camera poses",
+            caption=f"{count:,} photo{'s' * (count != 1)}; lengths are in "
             f"{facts.units or 'the units of the target'}.",
             keys=(
-                *(
-                    page.Key(kind="area", colour=colour, text=board.name)
-                    for board, colour in zip(boards * several, colours, strict=False)
-                ),
+                *keys,
                 page.Key(
                     kind="line", colour=INK, text="a photo: the open side looks at the target"
                 ),
             ),
         )
-    return drawn
+        for name, title, elevation, azimuth in _VIEWS
+    }

@@ -225,14 +225,20 @@ class Space(Plot):
             lines += [[(x, y, z) for x, y in walls] for z in at[2]]
             lines += [[(x, y, z) for z in ends[:, 2]] for x, y in walls]
         self.lines(lines, GRID, 0.8)
-        for x, name in ticks[0]:
-            self._label([x, front[1], floor], [x, back[1], floor], name)
-        for y, name in ticks[1]:
-            self._label([front[0], y, floor], [back[0], y, floor], name)
+        self._label_floor(ticks, front, back, floor)
         if not flat:
             side = min(walls, key=lambda one: float(self.place([*one, floor])[0]))
             for z, name in ticks[2]:
                 self.text([*side, z], name, (-16, 0))
+
+    def _label_floor(
+        self, ticks: Sequence[Sequence[tuple[float, str]]], front: Any, back: Any, floor: float
+    ) -> None:
+        """Write figures along the two edges of the floor in front."""
+        for x, name in ticks[0]:
+            self._label([x, front[1], floor], [x, back[1], floor], name)
+        for y, name in ticks[1]:
+            self._label([front[0], y, floor], [back[0], y, floor], name)
 
     def _label(self, at: Any, behind: Any, name: str) -> None:
         """Write a figure a little beyond an edge, away from what lies behind."""
