@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.target.target import Target, load_target
+from cubicfish import Target
 from cubicfish_cli.viewpoints.truth import (
     Pose,
     rotation_matrix,
@@ -130,7 +130,7 @@ def _spread(light: FloatArray) -> FloatArray:
 
 
 def main() -> None:
-    target, lens = load_target(HERE / "target.yaml"), true_lens()
+    target, lens = Target.load(HERE / "target.yaml"), true_lens()
     (HERE / "photos").mkdir(exist_ok=True)
     room = Room(target)
     for seed, (name, pose) in enumerate(poses().items()):

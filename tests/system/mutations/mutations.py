@@ -231,7 +231,7 @@ MUTATIONS = tuple(
         ),
         # Views and maps.
         (
-            "cubicfish/views/maps.py",
+            "cubicfish/models/cubic.py",
             "shift = (scale - 1) / 2",
             "shift = 0.0",
             "cubicfish/views/test_frames",

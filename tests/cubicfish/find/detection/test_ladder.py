@@ -209,7 +209,7 @@ def test_pieces_are_squares_at_least():
     rng = np.random.default_rng(3)
     cells = np.kron(rng.random((40, 50)) < 0.5, np.ones((10, 10)))
     photo = cv2.GaussianBlur(np.where(cells, 220.0, 30.0), (0, 0), 0.8).astype(np.uint8)
-    result = finder.search(build_pyramid(photo))
+    result = finder.search(build_pyramid(photo), 1.0)
     assert len(result.pieces) > 10
     assert min(len(piece) for piece in result.pieces) >= 4
     assert find_grids(photo).grids == ()
