@@ -18,7 +18,7 @@ from cubicfish import (
 )
 from cubicfish.files import Fingerprint
 from cubicfish.io import load_correspondences
-from cubicfish.photos.photos import VIDEO_SUFFIXES
+from cubicfish.photos import PictureFile
 from cubicfish_cli.inputs.paths import (
     InputKind,
     is_recording,
@@ -164,7 +164,7 @@ def _find_in_photos(
 
 def is_video(path: Path) -> bool:
     """Whether a file is a video, by its name."""
-    return path.suffix.lower() in VIDEO_SUFFIXES and not path.is_dir()
+    return path.suffix.lower() in PictureFile.VIDEO_SUFFIXES and not path.is_dir()
 
 
 def films_among(inputs: Sequence[Path]) -> list[Path]:

@@ -174,11 +174,11 @@ def _files_of(name: Path) -> Iterable[Path]:
     is_pattern = has_magic(str(name)) and not os.path.lexists(name)
     if not (is_pattern or name.is_dir()):
         return [name]
-    from cubicfish.photos.photos import SUFFIXES, VIDEO_SUFFIXES, expanded
+    from cubicfish.photos import PictureFile, expand_pattern
 
-    read = {*SUFFIXES, *VIDEO_SUFFIXES, *RECORDING_SUFFIXES}
+    read = {*PictureFile.SUFFIXES, *PictureFile.VIDEO_SUFFIXES, *RECORDING_SUFFIXES}
     try:
-        inside = expanded(name) if is_pattern else list(name.iterdir())
+        inside = expand_pattern(name) if is_pattern else list(name.iterdir())
     except OSError:  # no permission, which is said where it is read
         return []
     return [path for path in inside if path.suffix.lower() in read]

@@ -29,7 +29,7 @@ from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
 from cubicfish.photos import demosaic as mosaic
 from cubicfish.photos import photos
-from cubicfish.photos.photos import Photo, Picture, decode_picture, grey, read_file
+from cubicfish.photos.photos import Photo, Picture, PictureFile, grey
 from cubicfish.target.target import Target
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ def detect_in_photo(
 
     """
     try:
-        data = read_file(photo.path) if photo.picture is None else b""
+        data = PictureFile.read(photo.path).data if photo.picture is None else b""
         picture = lru_cache(maxsize=1)(partial(_read_picture, photo, data))
         # What is in memory has no bytes to know it by.
         kept = cache if cache and data else GridCache()
@@ -195,7 +195,7 @@ def _list_boards(target: Target | None) -> list[tuple[int, int]]:
 
 
 def _read_picture(photo: Photo, data: bytes) -> Picture:
-    return grey(decode_picture(photo.path, data)) if data else photo.read_grey()
+    return grey(PictureFile(path=photo.path, data=data).picture()) if data else photo.read_grey()
 
 
 def make_refusal(name: str, code: Code, case: str = "", **figures: int | str) -> Finding:

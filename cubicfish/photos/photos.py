@@ -12,17 +12,16 @@ import glob
 import os
 import re
 import struct
-from base64 import b64encode
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.errors import CubicfishError, PhotoError
+from cubicfish.errors import CubicfishError, OutputError, PhotoError
 from cubicfish.files.whole_files import on_host
 from cubicfish.photos.demosaic import evened
 from cubicfish.threads import Shared
@@ -60,6 +59,8 @@ MAX_PIXELS = 200_000_000
 """More than any camera has; a small file that claims more is refused before it fills memory."""
 MAX_FILE_BYTES = 2_000_000_000
 
+_SCAN = 0xDA  # the marker after which a JPEG file has pixels
+
 _READABLE = "PNG, JPEG, TIFF, BMP, WebP or PNM"
 _DAMAGED = "is cut short or damaged: copy it again or leave it out"
 
@@ -79,6 +80,12 @@ class Photo:
     name: str
     path: Path
     picture: Picture | None = field(default=None, compare=False, repr=False)
+
+    @staticmethod
+    def natural_key(text: str) -> tuple[tuple[int, int | str], ...]:
+        """Sort key under which ``img2`` comes before ``img10``."""
+        parts = re.split(r"([0-9]+)", text)
+        return tuple((0, int(part)) if part.isdecimal() else (1, part) for part in parts if part)
 
     def absolute(self) -> Photo:
         """The same photo, by a path that holds in any current folder."""
@@ -101,15 +108,152 @@ class Photo:
             return None
 
 
+# By how much a JPEG file is decoded smaller, which takes a fraction of the time.
+_REDUCED = {
+    2: cv2.IMREAD_REDUCED_COLOR_2,
+    4: cv2.IMREAD_REDUCED_COLOR_4,
+    8: cv2.IMREAD_REDUCED_COLOR_8,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureFile:
+    """A picture file's bytes, and what is in them.
+
+    Attributes:
+        SUFFIXES: of the names of files that are read (of the class).
+        VIDEO_SUFFIXES: of the names of videos (of the class).
+        MAX_PIXELS: how many a picture may have (of the class).
+        path: where the bytes came from, or go; for messages.
+        data: the bytes.
+
+    """
+
+    SUFFIXES: ClassVar[frozenset[str]] = SUFFIXES
+    VIDEO_SUFFIXES: ClassVar[frozenset[str]] = VIDEO_SUFFIXES
+    MAX_PIXELS: ClassVar[int] = MAX_PIXELS
+
+    path: Path
+    data: bytes
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read a picture file.
+
+        Raises:
+            PhotoError: the file is missing, unreadable, empty or too large.
+
+        """
+        try:
+            if path.exists() and not path.is_file():
+                raise PhotoError(
+                    "is not a file: give photos, or the folder they are in", about=shown(path)
+                )
+            size = path.stat().st_size
+            if size > MAX_FILE_BYTES:
+                raise PhotoError(f"has {size / 1e9:.1f} GB: is it a photo?", about=shown(path))
+            data = path.read_bytes()
+        except PhotoError:
+            raise
+        except (OSError, ValueError) as problem:
+            what = getattr(problem, "strerror", None) or problem
+            raise PhotoError(f"cannot be read{on_host()}: {what}", about=shown(path)) from problem
+        if not data:
+            raise PhotoError("is empty: copy it again or leave it out", about=shown(path))
+        return cls(path=path, data=data)
+
+    @classmethod
+    def of(cls, path: Path, picture: Picture, options: Sequence[int] = ()) -> Self:
+        """Encode a picture (H, W[, 3 or 4]), BGR order, as its name's suffix says.
+
+        Args:
+            path: where it will be.
+            picture: of a depth and channels that such a file can hold.
+            options: those of ``cv2.imencode``.
+
+        Raises:
+            OutputError: it cannot be encoded.
+
+        """
+        try:
+            with quiet_stderr():
+                done, data = cv2.imencode(path.suffix.lower(), picture, [*options])
+        except cv2.error:
+            done, data = False, np.empty(0, np.uint8)
+        if not done:
+            raise OutputError(f"{shown(path)}: this picture cannot be encoded: write .png or .tif")
+        return cls(path=path, data=data.tobytes())
+
+    def picture(self, *, floats: bool = False, least: int | None = None) -> Picture:
+        """Decode it, as :func:`read_picture` does.
+
+        Args:
+            floats: whether 32-bit floating point numbers may come back too.
+            least: pixels along the longer side that are enough: a JPEG file then comes 2, 4 or 8
+                times smaller, in colours, which takes a fraction of the time; others come whole.
+
+        Raises:
+            PhotoError: as :func:`read_picture`.
+
+        """
+        path, data, reduced = self.path, self.data, 1
+        if least is not None and data.startswith(_JPEG):
+            size = read_size(data)
+            reduced = max((n for n in _REDUCED if size and max(size) // n >= least), default=1)
+        flags = cv2.IMREAD_UNCHANGED
+        if reduced > 1:
+            flags = _REDUCED[reduced] | cv2.IMREAD_IGNORE_ORIENTATION
+        _check(path, data)
+        if not is_whole(data):
+            raise PhotoError(_DAMAGED, about=shown(path))
+        with quiet_stderr():
+            try:
+                picture = cv2.imdecode(np.frombuffer(as_stored(data), np.uint8), flags)
+            except cv2.error as problem:
+                if "CV_IO_MAX_IMAGE" in str(problem):
+                    raise _explain_too_large(path) from problem
+                picture = None
+        if picture is None or picture.size == 0:
+            raise PhotoError(_DAMAGED, about=shown(path))
+        if picture.dtype not in (np.uint8, np.uint16) and not (
+            floats and picture.dtype == np.float32
+        ):
+            raise PhotoError(
+                f"holds {picture.dtype} numbers: save it with 8 or 16 bits", about=shown(path)
+            )
+        return _with_full_range(picture, data)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height), by its header where that has it.
+
+        Raises:
+            PhotoError: as :func:`read_picture`; a damaged picture with a good header passes.
+
+        """
+        _check(self.path, self.data)
+        size = read_size(self.data)
+        if size is None:
+            height, width = self.picture(floats=True).shape[:2]
+            size = width, height
+        return size
+
+    def segments(self) -> Iterator[tuple[int, bytes]]:
+        """(marker, body) of a JPEG file's segments before its first scan; none of other files.
+
+        Raises:
+            struct.error: the file ends within one.
+
+        """
+        for marker, at in jpeg_segments(self.data) if self.data.startswith(_JPEG) else ():
+            if marker != _SCAN:
+                length = int(struct.unpack_from(">H", self.data, at)[0])
+                yield marker, self.data[at + 2 : at + length]
+
+
 def is_photo_name(path: Path) -> bool:
     """Whether a file's name is that of a photo: a known suffix, and not hidden."""
     return path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
-
-
-def natural_key(text: str) -> tuple[tuple[int, int | str], ...]:
-    """Sort key under which ``img2`` comes before ``img10``."""
-    parts = re.split(r"([0-9]+)", text)
-    return tuple((0, int(part)) if part.isdecimal() else (1, part) for part in parts if part)
 
 
 def find_photos(
@@ -147,7 +291,7 @@ def find_photos(
         raise _explain_not_plain(missed[0].name, "file")
     if remarks is not None and missed:
         remarks.append(_describe_missed(missed))
-    ordered = sorted(paths.values(), key=lambda path: natural_key(path.as_posix()))
+    ordered = sorted(paths.values(), key=lambda path: Photo.natural_key(path.as_posix()))
     names = _make_names(ordered)
     for name in names:
         if not _is_plain(name):  # a folder's name is part of it
@@ -173,7 +317,7 @@ def _describe_missed(paths: Sequence[Path]) -> str:
     )
 
 
-def expanded(name: str | os.PathLike[str]) -> list[Path]:
+def expand_pattern(name: str | os.PathLike[str]) -> list[Path]:
     """What a name stands for: itself, or where it is a pattern and no file, what that matches."""
     name = os.fspath(name)
     if os.path.lexists(name) or not glob.has_magic(name):
@@ -188,7 +332,7 @@ def _expand(argument: str, missed: list[Path]) -> list[Path]:
     try:
         if path.is_dir():
             return _find_in_folder(path, missed)
-        matches = expanded(argument)
+        matches = expand_pattern(argument)
     except PhotoError:  # an OSError too
         raise
     except (OSError, ValueError) as problem:  # no permission; a name that no file can have
@@ -211,7 +355,7 @@ def _may_be_missed(path: Path) -> bool:
 
 
 def _find_in_folder(folder: Path, missed: list[Path]) -> list[Path]:
-    entries = sorted(folder.iterdir(), key=lambda path: natural_key(path.name))
+    entries = sorted(folder.iterdir(), key=lambda path: Photo.natural_key(path.name))
     files = [path for path in entries if not path.is_dir()]
     photos = [path for path in files if is_photo_name(path)]
     if not photos:
@@ -252,65 +396,7 @@ def read_picture(path: Path | str) -> Picture:
             than :data:`MAX_PIXELS`, or holds numbers other than 8 or 16 bit unsigned.
 
     """
-    path = Path(path)
-    return decode_picture(path, read_file(path))
-
-
-# By how much a JPEG file is decoded smaller, which takes a fraction of the time.
-_REDUCED = {
-    2: cv2.IMREAD_REDUCED_COLOR_2,
-    4: cv2.IMREAD_REDUCED_COLOR_4,
-    8: cv2.IMREAD_REDUCED_COLOR_8,
-}
-
-
-def decode_small(path: Path, data: bytes, longest: int) -> Picture:
-    """Decode a photo for a copy of so many pixels along its longer side: not smaller than that.
-
-    A JPEG file comes 2, 4 or 8 times smaller where that is enough, in colours; others whole.
-
-    Raises:
-        PhotoError: as :func:`decode_picture`.
-
-    """
-    size = read_size(data) if data.startswith(_JPEG) else None
-    fitting = [] if size is None else [n for n in _REDUCED if max(size) // n >= longest]
-    return decode_picture(path, data, reduced=max(fitting, default=1))
-
-
-def decode_picture(path: Path, data: bytes, *, floats: bool = False, reduced: int = 1) -> Picture:
-    """Decode a picture file's bytes, as :func:`read_picture` does; ``path`` is for messages.
-
-    Args:
-        path: where the bytes came from.
-        data: the file.
-        floats: whether 32-bit floating point numbers may come back too.
-        reduced: 2, 4 or 8 to have a JPEG file so many times smaller, in colours.
-
-    Raises:
-        PhotoError: as :func:`read_picture`.
-
-    """
-    flags = cv2.IMREAD_UNCHANGED
-    if reduced > 1:
-        flags = _REDUCED[reduced] | cv2.IMREAD_IGNORE_ORIENTATION
-    _check(path, data)
-    if not is_whole(data):
-        raise PhotoError(_DAMAGED, about=shown(path))
-    with quiet_stderr():
-        try:
-            picture = cv2.imdecode(np.frombuffer(as_stored(data), np.uint8), flags)
-        except cv2.error as problem:
-            if "CV_IO_MAX_IMAGE" in str(problem):
-                raise _explain_too_large(path) from problem
-            picture = None
-    if picture is None or picture.size == 0:
-        raise PhotoError(_DAMAGED, about=shown(path))
-    if picture.dtype not in (np.uint8, np.uint16) and not (floats and picture.dtype == np.float32):
-        raise PhotoError(
-            f"holds {picture.dtype} numbers: save it with 8 or 16 bits", about=shown(path)
-        )
-    return _with_full_range(picture, data)
+    return PictureFile.read(Path(path)).picture()
 
 
 def read_grey(path: Path) -> Picture:
@@ -351,79 +437,11 @@ def refuse_no_picture(
     if value.dtype not in kinds:
         names = listed([kind.__name__ for kind in kinds], word="or")
         raise error(f"{name} holds {value.dtype} numbers, not {names}")
-    if not 0 < value.shape[0] * value.shape[1] <= MAX_PIXELS:
+    if not 0 < value.shape[0] * value.shape[1] <= PictureFile.MAX_PIXELS:
         raise error(
             f"{name} has {value.shape[1]}x{value.shape[0]} pixels: 1 to {MAX_PIXELS / 1e6:g} "
             "million are allowed"
         )
-
-
-def thumbnail(picture: npt.NDArray[Any], longest: int) -> npt.NDArray[np.uint8]:
-    """A copy whose longer side has at most so many pixels: 8 bits, grey or BGR.
-
-    Args:
-        picture: (H, W) or (H, W, 1 to 4), 8 or 16 bits; transparency is dropped.
-        longest: pixels.
-
-    """
-    if picture.ndim == 3:
-        picture = picture[..., 0] if picture.shape[2] < 3 else picture[..., :3]
-    height, width = picture.shape[:2]
-    scale = min(1.0, longest / max(width, height))
-    if scale < 1:
-        size = (max(1, round(scale * width)), max(1, round(scale * height)))
-        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-    if picture.dtype == np.uint16:
-        picture = picture // 257
-    return np.ascontiguousarray(picture, np.uint8)
-
-
-def data_uri(picture: npt.NDArray[np.uint8], quality: int) -> str:
-    """A picture, grey or BGR, as the URI of a JPEG file that a page holds."""
-    _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])
-    return "data:image/jpeg;base64," + b64encode(data.tobytes()).decode()
-
-
-def photo_size(path: Path) -> tuple[int, int]:
-    """(width, height) of a picture, where that is possible from its header.
-
-    Raises:
-        PhotoError: as :func:`read_picture`; a damaged picture with a good header passes.
-
-    """
-    data = read_file(path)
-    _check(path, data)
-    size = read_size(data)
-    if size is None:
-        height, width = decode_picture(path, data, floats=True).shape[:2]
-        size = width, height
-    return size
-
-
-def read_file(path: Path) -> bytes:
-    """The bytes of a picture file.
-
-    Raises:
-        PhotoError: the file is missing, unreadable, empty or too large.
-
-    """
-    try:
-        if path.exists() and not path.is_file():
-            raise PhotoError(
-                "is not a file: give photos, or the folder they are in", about=shown(path)
-            )
-        size = path.stat().st_size
-        if size > MAX_FILE_BYTES:
-            raise PhotoError(f"has {size / 1e9:.1f} GB: is it a photo?", about=shown(path))
-        data = path.read_bytes()
-    except PhotoError:
-        raise
-    except (OSError, ValueError) as problem:
-        what = getattr(problem, "strerror", None) or problem
-        raise PhotoError(f"cannot be read{on_host()}: {what}", about=shown(path)) from problem
-    if not data:
-        raise PhotoError("is empty: copy it again or leave it out", about=shown(path))
-    return data
 
 
 def _check(path: Path, data: bytes) -> None:
@@ -438,7 +456,7 @@ def _check(path: Path, data: bytes) -> None:
     if _is_animated(data):
         raise PhotoError("is an animation: save its pictures one by one", about=shown(path))
     width, height = read_size(data) or (0, 0)
-    if width * height > MAX_PIXELS:
+    if width * height > PictureFile.MAX_PIXELS:
         raise _explain_too_large(path)
 
 

@@ -16,7 +16,7 @@ from cubicfish.arrays import Refusal
 from cubicfish.errors import ViewError
 from cubicfish.views.fields import in_picture
 from cubicfish.views.maps import seen_near
-from cubicfish.views.view import PlaneView, PointProjector
+from cubicfish.views.view import PlaneView, PointProjector, matrix_of_rotation
 
 if TYPE_CHECKING:
     from cubicfish.target.target import Target
@@ -45,7 +45,7 @@ def build_plane(
         camera: the camera that took the photo.
         target: the calibration target.
         board: the name of one of its boards, a grid.
-        rotation: (3, 3) of ``camera_from_world`` of this photo.
+        rotation: (3, 3) of ``camera_from_world`` of this photo, or its rotation vector (3,).
         translation: (3,) of the same, in the target's unit.
         pixels_per_unit: the picture's scale; by default the largest that the photo has there.
         margin: how far the picture goes on beyond the outer corners, in the target's unit; by
@@ -59,7 +59,10 @@ def build_plane(
     """
     refusal = Refusal(error=ViewError)
     _refuse_lengths(pixels_per_unit, margin)
-    turn = refusal.numbers(rotation, "rotation", 3)
+    given = np.asarray(rotation)
+    turn = refusal.numbers(given[None] if given.shape == (3,) else given, "rotation", 3)
+    if given.shape == (3,):
+        turn = matrix_of_rotation(turn[0])
     if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=_SQUARE_TOLERANCE):
         raise ViewError("rotation is no rotation matrix (3, 3)")
     place = refusal.numbers([np.asarray(translation)], "translation", 3)[0]

@@ -361,10 +361,10 @@ def _make_contents(
 
 def _make_map(camera: CubicCamera) -> Content | None:
     from cubicfish import build_view
-    from cubicfish.photos.photos import MAX_PIXELS
+    from cubicfish.photos import PictureFile
     from cubicfish.views import MapInBands
 
-    if math.prod(camera.image_size) > MAX_PIXELS:
+    if math.prod(camera.image_size) > PictureFile.MAX_PIXELS:
         return None
     return MapInBands.of_camera(camera, build_view(camera)).write
 

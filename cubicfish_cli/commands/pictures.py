@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import CubicfishError, Listener, Run, UsageError, ViewError, shown
 from cubicfish.files import Content
-from cubicfish.photos.photos import SUFFIXES, VIDEO_SUFFIXES
+from cubicfish.photos import PictureFile
 from cubicfish.views import ChosenView
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.plan import Plan
@@ -168,7 +168,7 @@ def plan_pictures(
 def _check_suffix(path: Path, kind: str) -> None:
     if kind != "video":
         check_suffix(path)
-    elif path.suffix.lower() not in VIDEO_SUFFIXES:
+    elif path.suffix.lower() not in PictureFile.VIDEO_SUFFIXES:
         raise UsageError(
             f"{shown(path)} is no video: name a video such as {shown(path.with_suffix('.mp4'))}"
         )
@@ -187,7 +187,10 @@ def _is_folder(output: Path, several: str) -> bool:
     """
     if not several:
         return output.is_dir() or not output.suffix
-    if output.suffix.lower() in SUFFIXES | VIDEO_SUFFIXES and not output.is_dir():
+    if (
+        output.suffix.lower() in PictureFile.SUFFIXES | PictureFile.VIDEO_SUFFIXES
+        and not output.is_dir()
+    ):
         raise UsageError(
             f"{shown(output)} is the name of one file, and {several} become a folder: write "
             f"{shown(output.with_suffix(''))}{os.sep}"

@@ -24,7 +24,6 @@ from cubicfish.models import PointCamera
 from cubicfish.observe import find_corners
 from cubicfish.photos import Photo
 from cubicfish.views import ChosenView, Interpolation
-from cubicfish.views.view import matrix_of_rotation
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.undistortion.batch import Size, Views
 from cubicfish_cli.undistortion.options import PlaneOptions
@@ -121,7 +120,7 @@ class PlaneViews(Views):
         vector, translation = self._poses[source.name]
         if isinstance(camera, CubicCamera):
             camera = camera.for_photos(size)
-        return camera, matrix_of_rotation(vector), translation
+        return camera, vector, translation
 
 
 def _read_poses(fit: FitRecord) -> dict[str, tuple[Any, Any]]:

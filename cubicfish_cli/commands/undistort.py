@@ -208,10 +208,10 @@ def _find_sources(names: Sequence[str], run: Run) -> tuple[str, dict[str, Path],
         OutputError: two videos have one name.
 
     """
-    from cubicfish.photos.photos import expanded
+    from cubicfish.photos import expand_pattern
     from cubicfish_cli.observe import is_video
 
-    paths = [path for name in names for path in expanded(name)]
+    paths = [path for name in names for path in expand_pattern(name)]
     videos = list(filter(is_video, paths))
     if not videos:
         kind, sources = "photo", {one.name: one.path for one in named_photos(names, run.listener)}

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish import OutputError, PhotoError, shown
-from cubicfish.photos.photos import MAX_PIXELS
+from cubicfish.photos import PictureFile
 from cubicfish_cli.inputs.paths import file_and_topic
 
 Picture = npt.NDArray[Any]
@@ -102,7 +102,7 @@ class Recording:
             # A clock that was set back would put frames on top of each other.
             pts = max(stamp, pts + 1)
             picture = self._read_picture(message, count)
-            if picture.shape[0] * picture.shape[1] > MAX_PIXELS:
+            if picture.shape[0] * picture.shape[1] > PictureFile.MAX_PIXELS:
                 raise PhotoError(f"{shown(self._path)}: image {count} is too large to be read")
             kind = "gray" if picture.ndim == 2 else "bgr24"
             frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format=kind)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish import OutputError, PhotoError, shown
-from cubicfish.photos.photos import MAX_PIXELS
+from cubicfish.photos import PictureFile
 from cubicfish_cli.films.recordings import Recording, label_of
 from cubicfish_cli.inputs.paths import is_recording
 
@@ -81,7 +81,7 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
             raise PhotoError(f"{shown(path)} holds no video")
         stream = container.streams.video[0]
         stream.thread_type = "AUTO"
-        stream.codec_context.options = {"max_pixels": str(MAX_PIXELS)}
+        stream.codec_context.options = {"max_pixels": str(PictureFile.MAX_PIXELS)}
         yield container, stream
 
 

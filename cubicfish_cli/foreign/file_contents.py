@@ -17,7 +17,6 @@ import numpy.typing as npt
 
 from cubicfish import CameraFileError, FloatArray, quoted
 from cubicfish.files import read_text
-from cubicfish.files.plain_yaml import mapping
 from cubicfish.target import MILLIMETRES
 
 Pose = tuple[FloatArray, FloatArray]
@@ -145,11 +144,11 @@ class Fields:
             CameraFileError: the data is no mapping; so do the methods below for wrong values.
 
         """
-        return cls(path=path, values=mapping(path, data, what))
+        return cls(path=path, values=_refuse_no_mapping(path, data, what))
 
     def part(self, key: str) -> Fields:
         """Return a mapping within it."""
-        inner = mapping(self.path, self.values.get(key), self.at + key)
+        inner = _refuse_no_mapping(self.path, self.values.get(key), self.at + key)
         return Fields(path=self.path, values=inner, at=f"{self.at}{key}.")
 
     def numbers(self, key: str, *counts: int) -> FloatArray:
@@ -274,3 +273,9 @@ def parse_plain_json(path: Path, text: str) -> Any:
         ) from problem
     except (ValueError, RecursionError) as problem:  # a number of many digits; deep nesting
         raise CameraFileError(f"{path}: not the JSON of a camera") from problem
+
+
+def _refuse_no_mapping(path: Path, value: Any, what: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise CameraFileError(f"{path}: {what} must hold keys and values")
+    return value

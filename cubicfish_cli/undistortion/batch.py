@@ -27,7 +27,8 @@ from cubicfish import (
 )
 from cubicfish.files import write_files
 from cubicfish.files.whole_files import remove_orphans
-from cubicfish.photos.photos import decode_picture, one_opencv_thread, photo_size, read_file
+from cubicfish.photos import PictureFile
+from cubicfish.photos.photos import one_opencv_thread
 from cubicfish.views import ChosenView, Interpolation, ViewOptions, choose_view
 from cubicfish_cli.undistortion.images import encode_picture, naming
 
@@ -84,7 +85,10 @@ class Views:
     are (width, height), pixels.
     """
 
-    size_of = staticmethod(photo_size)
+    @staticmethod
+    def size_of(path: Path) -> Size:
+        """(width, height) of a photo."""
+        return PictureFile.read(path).size
 
     def __init__(
         self, camera: CubicCamera, wanted: View | ViewOptions | None, interpolation: Interpolation
@@ -201,19 +205,16 @@ def write_one(
 
     """
     try:
-        data = {camera: read_file(path) for camera, path in job.photos.items()}
-        photos = {
-            camera: decode_picture(job.photos[camera], content, floats=True)
-            for camera, content in data.items()
-        }
+        files = {camera: PictureFile.read(path) for camera, path in job.photos.items()}
+        photos = {camera: file.picture(floats=True) for camera, file in files.items()}
         with naming(job.source) if "" in job.photos else nullcontext():
             pictures = render(job, photos)
-        like = next(iter(data.values()))
-        files = {
+        like = next(iter(files.values())).data
+        made = {
             path: encode_picture(path, pictures[part], quality=quality, like=like)
             for part, path in job.outputs.items()
         }
-        write_files(files, overwrite=overwrite)
+        write_files(made, overwrite=overwrite)
     except CubicfishError as problem:
         return problem
     return None

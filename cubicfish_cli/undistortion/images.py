@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from cubicfish import CubicfishError, OutputError, shown
 from cubicfish.files import write_files
-from cubicfish.photos.photos import jpeg_segments, quiet_stderr
+from cubicfish.photos import PictureFile
 
 # What each kind of file can hold: bits per channel, and channels (4 is with transparency). 32 bits
 # are floating point numbers.
@@ -111,19 +111,12 @@ def encode_picture(
         options = [cv2.IMWRITE_WEBP_QUALITY, quality]
     elif depth == 32:  # without it some versions of OpenCV write LogLuv, which loses
         options = [cv2.IMWRITE_TIFF_COMPRESSION, _TIFF_LZW]
-    try:
-        with quiet_stderr():
-            done, data = cv2.imencode(suffix, picture, options)
-    except cv2.error:
-        done, data = False, np.empty(0, np.uint8)
-    if not done:
-        raise OutputError(f"{shown(path)}: this picture cannot be encoded: write .png or .tif")
-    return with_segments(data.tobytes(), segments)
+    return with_segments(PictureFile.of(path, picture, options).data, segments)
 
 
 DEFAULT_QUALITY = 95
 
-_APP0, _APP1, _APP2, _DQT, _SOS = 0xE0, 0xE1, 0xE2, 0xDB, 0xDA
+_APP0, _APP1, _APP2, _DQT = 0xE0, 0xE1, 0xE2, 0xDB
 _FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 _PROGRESSIVE = 0xC2
 _EXIF, _PROFILE = b"Exif\0\0", b"ICC_PROFILE\0"
@@ -143,7 +136,7 @@ def jpeg_like(data: bytes, quality: int | None = None) -> tuple[list[int], bytes
     """
     kept, nearest, options = b"", DEFAULT_QUALITY, []
     try:
-        for marker, body in _read_segments(data) if data.startswith(b"\xff\xd8\xff") else ():
+        for marker, body in PictureFile(path=Path(), data=data).segments():
             if marker == _DQT:
                 tables = dict(_read_tables(body))
                 nearest = _find_quality(tables[0]) if 0 in tables else nearest
@@ -174,14 +167,6 @@ def _write_segment(marker: int, body: bytes) -> bytes:
     return struct.pack(">BBH", 0xFF, marker, len(body) + 2) + body
 
 
-def _read_segments(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """(marker, body) of the segments before the first scan."""
-    for marker, at in jpeg_segments(data):
-        if marker != _SOS:
-            length = int(struct.unpack_from(">H", data, at)[0])
-            yield marker, data[at + 2 : at + length]
-
-
 def _read_tables(body: bytes) -> Iterator[tuple[int, tuple[int, ...]]]:
     at = 0
     while at < len(body):
@@ -205,8 +190,8 @@ def _make_tables() -> np.ndarray:
     dot = np.zeros((8, 8), np.uint8)
     tables = []
     for quality in range(1, 101):
-        data = cv2.imencode(".jpg", dot, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
-        body = next(body for marker, body in _read_segments(data) if marker == _DQT)
+        made = PictureFile.of(Path("dot.jpg"), dot, [cv2.IMWRITE_JPEG_QUALITY, quality])
+        body = next(body for marker, body in made.segments() if marker == _DQT)
         tables.append(dict(_read_tables(body))[0])
     return np.array(tables)
 

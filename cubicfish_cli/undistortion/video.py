@@ -80,7 +80,10 @@ def video_size(path: Path) -> Size:
 class VideoViews(Views):
     """The view of a camera's videos."""
 
-    size_of = staticmethod(video_size)
+    @staticmethod
+    def size_of(path: Path) -> Size:
+        """See :func:`video_size`."""
+        return video_size(path)
 
     def __init__(
         self,

@@ -15,7 +15,7 @@ from running import SAMPLE, invoke_cli
 from running import Run as RunCommand
 
 from cubicfish import OutputError, Run
-from cubicfish.photos.photos import natural_key
+from cubicfish.photos import Photo
 from cubicfish_cli.plan import Plan
 
 READ = "read here, and would be replaced"
@@ -279,7 +279,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (folder / name).write_text("words\n")
     shutil.copy(SAMPLE / "target.yaml", folder)
     shutil.copy(SAMPLE / "true_camera.yaml", folder / "camera.yaml")
-    photo = min((SAMPLE / "photos").iterdir(), key=lambda path: natural_key(path.name))
+    photo = min((SAMPLE / "photos").iterdir(), key=lambda path: Photo.natural_key(path.name))
     for name in ("photo.jpg", "other.jpg"):
         shutil.copy(photo, folder / name)
     facing = "photo_1.jpg,-2.1,0.87,0.36,0,0,600"  # from outside into the corner of the boards

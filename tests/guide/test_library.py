@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from lenses import smaller
@@ -429,6 +430,10 @@ def test_planes_that_are_none_are_refused(fitted: Calibration, target: Target) -
     assert "'flor' is not in the target: did you mean 'floor'" in refusal(
         TargetError, lambda: build_plane(fitted.camera, target, "flor", rotation, translation)
     )
+    vector = cv2.Rodrigues(rotation)[0].ravel()
+    by_vector = build_plane(fitted.camera, target, "floor", vector, translation)
+    by_matrix = build_plane(fitted.camera, target, "floor", rotation, translation)
+    np.testing.assert_allclose(by_vector.origin, by_matrix.origin)
     assert "no rotation matrix" in said("floor", 2 * rotation, translation)
     assert "no rotation matrix" in said("floor", rotation[:2], translation)
     assert "not finite" in said("floor", rotation * np.nan, translation)

@@ -140,9 +140,9 @@ def choose_frames(options: FramesOptions, *, run: Run = Run()) -> ChosenFrames:
 
 def _expand(films: StrPath | Sequence[StrPath]) -> list[Path]:
     """Return films, with patterns replaced by what they match."""
-    from cubicfish.photos.photos import expanded
+    from cubicfish.photos import expand_pattern
 
-    matches = {path: expanded(path) for path in paths_of(films)}
+    matches = {path: expand_pattern(path) for path in paths_of(films)}
     for path in matches:
         if not matches[path]:
             raise PhotoError(f"{path} matches no film: check the name and the current folder")

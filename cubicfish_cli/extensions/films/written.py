@@ -9,10 +9,10 @@ from pathlib import Path
 
 from cubicfish import read_picture
 from cubicfish.files import Content, FrameName
-from cubicfish.photos.photos import data_uri, thumbnail
 from cubicfish_cli.extensions.films.frames import Chosen, names_of
 from cubicfish_cli.films.scan import copy_as_png
 from cubicfish_cli.plan import Plan
+from cubicfish_cli.render.small_pictures import data_uri, thumbnail
 from cubicfish_cli.words.phrases import plural
 
 SHEET = "contact_sheet.html"

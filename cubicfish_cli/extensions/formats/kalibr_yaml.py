@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cubicfish import CameraFileError, quoted
-from cubicfish.files.plain_yaml import load_plain_yaml
+from cubicfish.files import parse_plain_yaml, read_text
 from cubicfish.models import Lens, RadialCamera
 from cubicfish_cli.extensions.formats.lenses import (
     DoubleSphereLens,
@@ -48,6 +48,8 @@ _WRITTEN = {
     for names, (lens, coefficients) in _MODELS.items()
     if lens is not PinholeLens
 }
+
+_MAX_BYTES = 1_000_000
 
 
 def kalibr_text(one: PlacedLens) -> str:
@@ -101,7 +103,8 @@ def read_kalibr(path: Path, *, camera: str | None = None) -> Lens:
         CameraFileError: the file is not one, or holds no such camera; one line.
 
     """
-    chain = Fields.of(path, load_plain_yaml(path, error=CameraFileError))
+    text = read_text(path, max_bytes=_MAX_BYTES, error=CameraFileError)
+    chain = Fields.of(path, parse_plain_yaml(path, text, error=CameraFileError))
     names = [name for name in chain.values if name.startswith("cam") and name[3:].isdecimal()]
     record = chain.part(chosen_camera(path, names, camera))
     kind = record.name("camera_model", tuple(_INTRINSICS))

@@ -18,8 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish import CameraFileError, FloatArray, did_you_mean, quoted
-from cubicfish.files import read_text
-from cubicfish.files.plain_yaml import parse_plain_yaml
+from cubicfish.files import parse_plain_yaml, read_text
 from cubicfish_cli.extensions.formats.lenses import PinholeLens
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
 from cubicfish_cli.foreign.file_contents import Fields, LensRig, PlacedLens, numbers

@@ -23,8 +23,7 @@ from xml.parsers import expat
 import numpy as np
 
 from cubicfish import CameraFileError, FloatArray, quoted
-from cubicfish.files import read_text
-from cubicfish.files.plain_yaml import MAX_DEPTH, mapping, parse_plain_yaml
+from cubicfish.files import parse_plain_yaml, read_text
 from cubicfish.models import FocalLens, Lens, RadialCamera
 from cubicfish_cli.extensions.formats.lenses import (
     PINHOLE,
@@ -35,6 +34,7 @@ from cubicfish_cli.extensions.formats.lenses import (
     named_lens,
 )
 from cubicfish_cli.foreign.file_contents import (
+    Fields,
     LensRig,
     PlacedLens,
     numbers,
@@ -66,6 +66,8 @@ _FISHEYE = (
     "fisheye", "equidistant", "kannala_brandt", "kannala_brandt4", "kb4", "opencv_fisheye",
 )  # fmt: skip
 _COUNTS = (0, 4, 5, 8, 12, 14)
+
+_MAX_DEPTH = 12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -365,7 +367,7 @@ def read_file_storage(path: Path) -> dict[str, Any]:
         text = re.sub(r"\A%YAML[: ]1\.[0-9]\s*\n", "", text)
         text = re.sub(r"!!opencv-(?:nd-)?matrix\b", "", text)
         data = parse_plain_yaml(path, text, error=CameraFileError)
-    return mapping(path, data, "the file")
+    return dict(Fields.of(path, data, "the file").values)
 
 
 def _parse_xml(path: Path, text: str) -> Any:
@@ -392,8 +394,8 @@ def _parse_xml(path: Path, text: str) -> Any:
 def _read_element(path: Path, element: ElementTree.Element, depth: int) -> Any:
     """Return an element's content: a mapping, a list if children are called ``_``, or a value."""
     name = quoted(element.tag)
-    if depth > MAX_DEPTH:
-        raise CameraFileError(f"{path}: nested more than {MAX_DEPTH} levels deep")
+    if depth > _MAX_DEPTH:
+        raise CameraFileError(f"{path}: nested more than {_MAX_DEPTH} levels deep")
     text = "".join([element.text or "", *(child.tail or "" for child in element)]).strip()
     if not len(element):
         # A storage without anything is a mapping, and anything else without anything nothing.

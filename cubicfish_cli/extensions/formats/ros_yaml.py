@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish import CameraFileError, FloatArray
-from cubicfish.files.plain_yaml import load_plain_yaml
+from cubicfish.files import parse_plain_yaml, read_text
 from cubicfish.models import Lens, RadialCamera
 from cubicfish_cli.extensions.formats.lenses import (
     PINHOLE,
@@ -34,6 +34,8 @@ _MODELS: Mapping[str, tuple[type[Lens], Sequence[str], Sequence[int]]] = {
     "rational_polynomial": (PinholeLens, PINHOLE, (8,)),
     "equidistant": (RadialCamera, ("k1", "k2", "k3", "k4"), (4,)),
 }
+
+_MAX_BYTES = 1_000_000
 
 
 def ros_text(one: PlacedLens) -> str:
@@ -124,7 +126,8 @@ def read_ros(path: Path) -> Lens:
         CameraFileError: the file is not one, or its model is not known; one line.
 
     """
-    record = Fields.of(path, load_plain_yaml(path, error=CameraFileError))
+    text = read_text(path, max_bytes=_MAX_BYTES, error=CameraFileError)
+    record = Fields.of(path, parse_plain_yaml(path, text, error=CameraFileError))
     image_size = record.size("image_width", "image_height")
     named = named_in_matrix(record.part("camera_matrix").numbers("data", 9))
     if named["fx"] == 0:

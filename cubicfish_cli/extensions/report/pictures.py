@@ -19,15 +19,9 @@ from cubicfish import (
     build_view,
     undistort,
 )
-from cubicfish.photos.photos import (
-    data_uri,
-    decode_picture,
-    decode_small,
-    read_file,
-    read_size,
-    thumbnail,
-)
+from cubicfish.photos import PictureFile
 from cubicfish_cli.inputs.calibration_facts import Facts, PhotoRecord
+from cubicfish_cli.render.small_pictures import data_uri, thumbnail
 
 Small = npt.NDArray[np.uint8]
 # So many a page can carry and a reader look at: more photos have a row in the table only.
@@ -127,12 +121,11 @@ def _read(facts: Facts, photo: PhotoRecord, *, whole: bool) -> npt.NDArray[Any]:
 
     """
     path, digest = facts.files[photo.image], facts.digests.get(photo.image)
-    data = read_file(path)
-    if digest is not None and hashlib.sha256(data).hexdigest() != digest:
+    file = PictureFile.read(path)
+    if digest is not None and hashlib.sha256(file.data).hexdigest() != digest:
         raise PhotoError(f"{path} is not shown: it is no longer the photo that was calibrated with")
-    picture = decode_picture(path, data) if whole else decode_small(path, data, _CARD)
-    size = picture.shape[1::-1] if whole else read_size(data) or picture.shape[1::-1]
-    if size != facts.camera.image_size:
+    picture = file.picture(least=None if whole else _CARD)
+    if file.size != facts.camera.image_size:
         raise PhotoError(f"{path} is not shown: it is not of the camera's size")
     return picture
 

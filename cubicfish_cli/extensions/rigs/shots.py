@@ -8,7 +8,7 @@ from typing import Any
 import numpy.typing as npt
 
 from cubicfish import Listener, UndistortMap
-from cubicfish.photos.photos import natural_key, photo_size
+from cubicfish.photos import Photo, PictureFile
 from cubicfish.rigs import Body, match_shots
 from cubicfish.views import ChosenView, Interpolation
 from cubicfish_cli.extensions.rigs.naming import owners_of
@@ -66,7 +66,7 @@ def sizes_of(shots: Iterable[Shot]) -> dict[str, Size]:
     first: dict[str, Path] = {}
     for photos in shots:
         first = {**photos, **first}
-    return {name: photo_size(photo) for name, photo in first.items()}
+    return {name: PictureFile.read(photo).size for name, photo in first.items()}
 
 
 def shots_of(
@@ -95,7 +95,7 @@ def shots_of(
     for name, index_of in zip(photos, matched.photos, strict=True):
         for photo, index in index_of.items():
             shots.setdefault(matched.names[index], {})[name] = Path(photo)
-    return dict(sorted(shots.items(), key=lambda item: natural_key(item[0])))
+    return dict(sorted(shots.items(), key=lambda item: Photo.natural_key(item[0])))
 
 
 def _photos_by_camera(

@@ -13,16 +13,14 @@ from hypothesis import strategies as st
 from cubicfish.errors import PhotoError
 from cubicfish.photos import photos
 from cubicfish.photos.photos import (
-    decode_picture,
-    decode_small,
+    Photo,
+    PictureFile,
     find_photos,
     grey,
-    natural_key,
-    photo_size,
     read_grey,
     read_picture,
-    thumbnail,
 )
+from cubicfish_cli.render.small_pictures import thumbnail
 
 RNG = np.random.default_rng(0)
 COLOUR = cv2.GaussianBlur(RNG.integers(0, 255, (30, 40, 3)).astype(np.uint8), (0, 0), 3)
@@ -104,8 +102,8 @@ def test_a_name_that_a_table_cannot_hold_is_refused(tmp_path, name):
 
 @given(st.lists(st.text(alphabet="ab01²٣._", max_size=6)))
 def test_any_names_can_be_sorted(texts):
-    assert sorted(texts, key=natural_key) is not None
-    assert natural_key("img2x") < natural_key("img10x") < natural_key("imgx")
+    assert sorted(texts, key=Photo.natural_key) is not None
+    assert Photo.natural_key("img2x") < Photo.natural_key("img10x") < Photo.natural_key("imgx")
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tif"])
@@ -145,7 +143,7 @@ def test_an_orientation_noted_in_the_file_is_not_applied(tmp_path):
     assert turned.shape == (40, 30, 3)  # the note is there: others obey it
     assert read_picture(path).shape == (30, 40, 3)
     assert read_grey(path).shape == (30, 40)
-    assert photo_size(path) == (40, 30)
+    assert PictureFile.read(path).size == (40, 30)
 
 
 @pytest.mark.parametrize("size", [(1300, 700), (5200, 900), (639, 300)])
@@ -156,8 +154,8 @@ def test_a_copy_is_made_of_no_more_than_it_needs_and_looks_the_same(tmp_path, si
         data = cv2.imencode(suffix, picture)[1].tobytes()
         if suffix == ".jpg":  # a quarter turn is noted, and not made
             data = data[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + data[2:]
-        whole = decode_picture(tmp_path / "a", data)
-        small = decode_small(tmp_path / "a", data, 640)
+        whole = PictureFile(path=tmp_path / "a", data=data).picture()
+        small = PictureFile(path=tmp_path / "a", data=data).picture(least=640)
         assert whole.shape[:2] == size[::-1]
         longest = max(small.shape[:2])
         assert longest >= min(640, max(size))
@@ -191,14 +189,14 @@ def test_a_tiff_is_read_as_stored_whatever_its_orientation(tmp_path, shape, dtyp
     others = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)  # which follow the note
     assert (turned == 1) == np.array_equal(others, picture)
     np.testing.assert_array_equal(read_picture(path), picture)
-    assert photo_size(path) == (40, 30)
+    assert PictureFile.read(path).size == (40, 30)
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp", ".tif", ".webp", ".ppm"])
 def test_sizes_and_cut_files(tmp_path, suffix):
     path = tmp_path / f"p{suffix}"
     cv2.imwrite(str(path), COLOUR)
-    assert photo_size(path) == (40, 30)
+    assert PictureFile.read(path).size == (40, 30)
     data = path.read_bytes()
     for share in (0.02, 0.5, 0.9):
         path.write_bytes(data[: max(12, int(len(data) * share))])
@@ -226,7 +224,7 @@ def test_missing_files_folders_and_pipes(tmp_path):
         return
     os.mkfifo(tmp_path / "pipe.png")
     with pytest.raises(PhotoError, match="not a file"):
-        photo_size(tmp_path / "pipe.png")
+        PictureFile.read(tmp_path / "pipe.png")
 
 
 def test_floating_point_pictures_are_refused(tmp_path):

@@ -12,6 +12,7 @@ from running import SAMPLE, Run, invoke_cli
 
 from cubicfish.find.detection.grids import FoundGrids
 from cubicfish.observe.photo_detection import GridCache
+from cubicfish.photos import PictureFile
 from cubicfish_cli.terminal.parameters import FOLDER
 
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
@@ -220,7 +221,7 @@ def test_entries_of_the_cache_that_were_exchanged_are_not_used(tmp_path: Path) -
 def test_a_huge_camera_gets_no_map_of_gigabytes(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cubicfish.photos.photos.MAX_PIXELS", 960 * 720 - 1)
+    monkeypatch.setattr(PictureFile, "MAX_PIXELS", 960 * 720 - 1)
     line = ("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o", tmp_path / "c")
     said = run(*line)
     assert "No undistort_map.npz was written: a map of 960x720 pixels" in said.stderr

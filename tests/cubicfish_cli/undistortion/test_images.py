@@ -7,7 +7,7 @@ from lenses import cubic_camera
 from synthetic import lens_of_size
 
 from cubicfish import OutputError, ViewError, build_map, read_picture, save_map, undistort
-from cubicfish.photos.photos import decode_picture
+from cubicfish.photos import PictureFile
 from cubicfish.views import CentralView, ChosenView, render
 from cubicfish_cli.undistortion import batch
 from cubicfish_cli.undistortion.batch import Job, Views, write_one
@@ -116,7 +116,7 @@ def test_what_a_kind_of_file_can_hold_comes_back(tmp_path, capfd, suffix, dtype,
         )  # WebP drops the colour of what is wholly transparent
     write_picture(tmp_path / f"p{suffix}", values, overwrite=False)
     written = tmp_path / f"p{suffix}"
-    read = decode_picture(written, written.read_bytes(), floats=True)
+    read = PictureFile.read(written).picture(floats=True)
     np.testing.assert_array_equal(read, values)
     assert capfd.readouterr() == ("", "")
 

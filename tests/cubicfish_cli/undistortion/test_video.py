@@ -12,9 +12,9 @@ from lenses import cubic_camera
 
 from cubicfish import Listener, OutputError, PhotoError, ViewError, build_map, undistort
 from cubicfish.listener import Count
+from cubicfish.photos import PictureFile
 from cubicfish.views import CentralView
 from cubicfish.views.view import rotation_from_angles
-from cubicfish_cli.films import source as source_of_frames
 from cubicfish_cli.undistortion.batch import Job
 from cubicfish_cli.undistortion.video import VideoViews, _make_chroma_maps, video_size
 
@@ -270,7 +270,7 @@ def test_a_list_of_other_files_is_no_video(tmp_path):
 def test_frames_larger_than_any_photo_are_refused(tmp_path, monkeypatch):
     source = tmp_path / "in.mp4"
     write_video(source)
-    monkeypatch.setattr(source_of_frames, "MAX_PIXELS", 1000)
+    monkeypatch.setattr(PictureFile, "MAX_PIXELS", 1000)
     with pytest.raises(PhotoError, match=r"in\.mp4"):
         run(source, tmp_path / "out.mp4")
     assert not (tmp_path / "out.mp4").exists()

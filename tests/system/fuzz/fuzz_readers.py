@@ -13,7 +13,7 @@ import numpy as np
 
 from cubicfish import CubicfishError, Target, load_any_camera, load_corners
 from cubicfish.io import load_correspondences
-from cubicfish.photos.photos import decode_picture, photo_size, read_file
+from cubicfish.photos import PictureFile
 from cubicfish_cli.commands.points import read_points
 
 SAMPLE = Path(__file__).parents[3] / "sample_data"
@@ -148,8 +148,8 @@ def _picture_seeds() -> Sequence[bytes]:
 
 
 def _read_photo(path: Path) -> object:
-    size = photo_size(path)
-    picture = decode_picture(path, read_file(path), floats=True)
+    file = PictureFile.read(path)
+    size, picture = file.size, file.picture(floats=True)
     return size, picture.shape
 
 

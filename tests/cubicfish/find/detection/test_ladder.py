@@ -14,7 +14,7 @@ from cubicfish.find.detection.links import find_patches
 from cubicfish.find.detection.pyramid import build_pyramid
 from cubicfish.observe import photo_detection
 from cubicfish.observe.photo_detection import GridCache, detect_in_photo
-from cubicfish.photos.photos import Photo
+from cubicfish.photos.photos import Photo, PictureFile
 from cubicfish.target.boards.types import Checkerboard
 from cubicfish.target.target import Target
 
@@ -155,8 +155,8 @@ def test_a_completed_grid_is_remembered(tmp_path, monkeypatch, near):
     assert first.refusal is None
     assert first.grids is not None
     assert len(first.grids.grids[0]) == COLUMNS * ROWS
-    for name in ("find_grids", "decode_picture"):
-        monkeypatch.setattr(photo_detection, name, None)
+    monkeypatch.setattr(photo_detection, "find_grids", None)
+    monkeypatch.setattr(PictureFile, "picture", None)
     again = detect_in_photo(shot, target=TARGET, cache=cache)
     assert again.grids is not None
     np.testing.assert_array_equal(again.grids.grids[0].pixel, first.grids.grids[0].pixel)
