@@ -10,12 +10,13 @@ import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish import FitError, Observations, calibrate
-from cubicfish.fit.point_fit import RatioFit, fit_ratio
+from cubicfish.fit.point_fit import fit_ratio
 from cubicfish.models.lift import lift
 
 FloatArray = npt.NDArray[np.float64]
@@ -140,7 +141,7 @@ class Errors:
 Probes = list[tuple[FloatArray, FloatArray]]
 
 
-def errors_of(fit: RatioFit, corners: Probes, on: Probes, off: Probes) -> Errors:
+def errors_of(fit: Any, corners: Probes, on: Probes, off: Probes) -> Errors:
     """Errors of the three stages; the others are (points of order 1, true pixels)."""
 
     def misses(stage: str, probes: Probes) -> FloatArray:
@@ -165,7 +166,7 @@ def point_lift(pose: Pose, noise: float, rng: np.random.Generator) -> tuple[int,
     return len(fit.refined[0]) - len(fit.null), errors_of(fit, *probes)
 
 
-def fit_rays(noise: float, rng: np.random.Generator) -> RatioFit:
+def fit_rays(noise: float, rng: np.random.Generator) -> Any:
     """P on the rays of both views."""
     points = np.vstack([pose.camera_points(OBJECT) for pose in POSES])
     exact = true_pixels(points)

@@ -12,21 +12,21 @@ import inspect
 import os
 import sys
 import types
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AnySet
 from functools import cache, wraps
 from importlib import import_module
 from numbers import Integral, Real
 from typing import Any, ForwardRef, Literal, TypeVar, Union, get_args, get_origin
 
+from cubicfish import wording
 from cubicfish.errors import UsageError
-from cubicfish.wording import listed, quoted
-
-Function = TypeVar("Function", bound=Callable[..., Any])
+from cubicfish.wording import did_you_mean, listed, quoted
 
 _MOST_LISTED = 200  # of a long list, as many are looked at
 _UNIONS = (Union, types.UnionType)
 _WAYS = {
+    "Camera": "load_camera(path).camera is one",
     "CameraFile": "load_camera reads one",
     "Calibrated": "calibrate makes one, load_camera reads one",
     "Calibration": "calibrate makes one",
@@ -41,7 +41,7 @@ _WAYS = {
 """How a caller gets a record, by the name of its class."""
 
 
-def checked(function: Function, face: str) -> Function:
+def checked(function: Any, face: str) -> Any:
     """A function that refuses arguments that are not what its annotations say.
 
     Wrong counts of arguments and unknown names stay Python's own TypeError.
@@ -54,8 +54,8 @@ def checked(function: Function, face: str) -> Function:
         UsageError: an argument is something else; one line that names it, and what it must be.
 
     """
-    if hasattr(function, "checked_arguments"):
-        return function
+    if hasattr(function, "checked_arguments") or function.__module__ == wording.__name__:
+        return function  # words are made of anything, such as what was refused
     signature = inspect.signature(function)
 
     @wraps(function)
@@ -71,9 +71,8 @@ def checked(function: Function, face: str) -> Function:
         return function(*args, **kwargs)
 
     call.__module__, call.__qualname__ = face, function.__name__
-    made: Any = call
-    made.checked_arguments = True
-    return made
+    vars(call)["checked_arguments"] = True
+    return call
 
 
 def refuse_misfit(name: str, value: object, kind: Any) -> None:
@@ -85,7 +84,9 @@ def refuse_misfit(name: str, value: object, kind: Any) -> None:
     """
     for place, inner, must in _misfits(name, value, kind):
         ways = [_WAYS[word] for word in _names_in(must) if word in _WAYS]
-        do = f": {ways[0]}" if ways else ""
+        known = [*_literals_in(must)] if isinstance(inner, str) else []
+        do = did_you_mean(inner, known) if known else ways[0] if ways else ""
+        do = f": {do}" if do and not do.startswith("known") else ""
         raise UsageError(f"{place} must be {_describe(must)}, not {_name_value(inner)}{do}")
 
 
@@ -94,7 +95,10 @@ def _misfits(name: str, value: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]
     if kind in (Any, object, inspect.Parameter.empty) or isinstance(kind, TypeVar | ForwardRef):
         return
     origin, inner = get_origin(kind) or kind, get_args(kind)
-    if origin in _UNIONS and not _is_array(kind):
+    if _is_array(kind) or _is_array(origin):
+        if value is None or isinstance(value, str | bytes | Mapping | os.PathLike):
+            yield name, value, kind
+    elif origin in _UNIONS:
         ways = [[*_misfits(name, value, one)] for one in inner]
         if all(ways):
             # What is of the right sort, and has something wrong inside, says more.
@@ -102,31 +106,38 @@ def _misfits(name: str, value: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]
             yield from deeper[0] if len(deeper) == 1 else [(name, value, kind)] * (not deeper)
     elif not _is_of(value, origin, inner):
         yield name, value, kind
-    elif isinstance(value, Mapping) and len(inner) == 2:
-        for key, one in [*value.items()][:_MOST_LISTED]:
-            yield from _misfits(f"a key of {name}", key, inner[0])
-            yield from _misfits(f"{name}[{quoted(key)}]", one, inner[1])
-    elif isinstance(value, list | tuple) and origin is not Literal and inner:
-        is_pair = origin is tuple and Ellipsis not in inner
-        if is_pair and len(value) != len(inner):
-            yield name, value, kind
-            return
-        each = inner if is_pair else inner[:1] * min(len(value), _MOST_LISTED)
-        for index, (one, must) in enumerate(zip(value, each, strict=False)):
-            yield from _misfits(f"{name}[{index}]", one, must)
     elif getattr(value, "checked_fields", False):
         record: Any = type(value)
         for field, must in _hints(record).items():
             if hasattr(value, field):
                 yield from _misfits(f"{name}.{field}", getattr(value, field), must)
+    elif inner and origin is not Literal:
+        yield from _misfits_inside(name, value, kind)
+
+
+def _misfits_inside(name: str, value: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]:
+    """What a mapping or a list holds that does not fit."""
+    origin, inner = get_origin(kind), get_args(kind)
+    if isinstance(value, Mapping) and len(inner) == 2:
+        for key, one in [*value.items()][:_MOST_LISTED]:
+            yield from _misfits(f"a key of {name}", key, inner[0])
+            yield from _misfits(f"{name}[{quoted(key)}]", one, inner[1])
+    elif hasattr(value, "tolist"):
+        yield from _misfits(name, value.tolist(), kind)
+    elif isinstance(value, list | tuple):
+        counted = origin is tuple and Ellipsis not in inner
+        if counted and len(value) != len(inner):
+            yield name, value, kind
+            return
+        each = inner if counted else inner[:1] * min(len(value), _MOST_LISTED)
+        for index, (one, must) in enumerate(zip(value, each, strict=False)):
+            yield from _misfits(f"{name}[{index}]", one, must)
 
 
 def _is_of(value: Any, origin: Any, inner: Sequence[Any]) -> bool:
     """Whether a value is of a kind, whatever it holds."""
-    if _is_array(origin):
-        return value is not None and not isinstance(value, str | bytes | Mapping | os.PathLike)
     if origin is Literal:
-        return any(isinstance(value, type(one)) for one in inner)  # which, its user says best
+        return isinstance(value, str | int) and value in inner
     if origin in (None, types.NoneType):
         return value is None
     if origin is bool:
@@ -135,6 +146,8 @@ def _is_of(value: Any, origin: Any, inner: Sequence[Any]) -> bool:
         if isinstance(value, bool) or not isinstance(value, Integral if origin is int else Real):
             return False
         return value == value  # NaN is no number
+    if isinstance(value, str | os.PathLike) and "\0" in str(value):
+        return False  # no text or name of a file has that
     if not isinstance(origin, type):
         return True
     if getattr(origin, "_is_protocol", False):
@@ -145,12 +158,12 @@ def _is_of(value: Any, origin: Any, inner: Sequence[Any]) -> bool:
 
 
 def _is_series(value: Any, origin: type) -> bool:
-    """Whether a value is of many; text and mappings are none, and lists and arrays are tuples."""
+    """Whether a value is of many; text is none, and a list is as good as a tuple."""
     if isinstance(value, str | bytes) or (isinstance(value, Mapping) and origin is not Iterable):
         return False
-    if origin in (tuple, list, Sequence):
-        return isinstance(value, Sequence | range) or hasattr(value, "tolist")
-    return isinstance(value, origin)
+    if origin is Sequence:
+        return isinstance(value, Sequence) or getattr(value, "ndim", 0) > 0
+    return isinstance(value, list | tuple if origin is tuple else origin)
 
 
 def _is_array(kind: Any) -> bool:
@@ -226,15 +239,23 @@ _PLAIN = {
 }  # fmt: skip
 
 
+def _literals_in(kind: Any) -> list[str]:
+    """Words that an annotation lists."""
+    if get_origin(kind) is Literal:
+        return [one for one in get_args(kind) if isinstance(one, str)]
+    return [one for inner in get_args(kind) for one in _literals_in(inner)]
+
+
 def _describe(kind: Any) -> str:
     """An annotation in words."""
     origin, inner = get_origin(kind) or kind, get_args(kind)
     if _is_array(origin) or _is_array(kind):
         return "an array"
-    if origin in _UNIONS:
-        return listed([*dict.fromkeys(map(_describe, inner))], word="or")
-    if origin is Literal:
-        return listed([quoted(one) for one in inner], word="or")
+    if origin in _UNIONS or origin is Literal:
+        words = [quoted(one) for one in _literals_in(kind)]
+        if origin is not Literal:
+            words += [_describe(one) for one in inner if get_origin(one) is not Literal]
+        return listed([*dict.fromkeys(words)], word="or")
     if origin in _PLAIN:
         return _PLAIN[origin]
     if not isinstance(origin, type):
@@ -255,6 +276,8 @@ def _name_value(value: object) -> str:
         return str(value)
     if isinstance(value, str | os.PathLike):
         return quoted(str(value))
+    if hasattr(value, "__array__"):
+        return "an array"
     if isinstance(value, list | tuple | Mapping) and len(value) == 0:
         return f"an empty {type(value).__name__}"
     return _with_article(type(value).__name__)

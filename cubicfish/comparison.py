@@ -9,7 +9,8 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from cubicfish.angles import angle_from_axis
-from cubicfish.errors import FitError
+from cubicfish.arrays import Refusal
+from cubicfish.errors import FitError, ViewError
 from cubicfish.fit.alignment import Project, turned_onto
 from cubicfish.geometry import pixel_grid
 from cubicfish.judge.fit_record import ErrorStatistics
@@ -144,7 +145,11 @@ def aligned_difference(
         Differences first(R d) − second(d), (N, 2) pixels, NaN where either lens
         has no pixel; and R (3, 3).
 
+    Raises:
+        ViewError: ``rays`` are no such array.
+
     """
+    rays = Refusal(error=ViewError).numbers(rays, "rays", 3)
     wanted = second.project(rays)
     return turned_onto(first.project, rays, wanted, _fit_turn(first.project, rays, wanted))
 

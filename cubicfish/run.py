@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from cubicfish.arguments import refuse_misfit
 from cubicfish.errors import CubicfishError
 from cubicfish.listener import Listener
 
@@ -46,6 +47,7 @@ class Run:
     command: str | None = None
 
     def __post_init__(self) -> None:
+        refuse_misfit("anew", self.anew, bool)
         if self.anew:
             object.__setattr__(self, "cache", None)
 

@@ -113,6 +113,8 @@ class Plan:
 
         """
         files = {path: content for path, content in contents.items() if content is not None}
+        planned = {path for paths in self._outputs.values() for path in paths}
+        assert files.keys() <= planned, f"not planned: {files.keys() - planned}"
         left = [path for path in self._left if path not in files and path.is_file()]
         obsolete = left if self._overwrite else ()
         written = write_files(files, overwrite=self._overwrite, obsolete=obsolete)

@@ -7,17 +7,22 @@ parameters, not from click's own help, whose wrapping is another one in each ver
 
 from __future__ import annotations
 
+import ast
+import inspect
 import re
 import sys
 import textwrap
-import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass
+from enum import StrEnum
 from pathlib import Path
-from string import Template
+from pkgutil import resolve_name
+from typing import Any, get_args, get_type_hints
 
 import click
 
-from cubicfish.judge.codes import Code, Remedy
+from cubicfish import Finding
+from cubicfish.judge import Code
 from cubicfish_cli.terminal.main import cli
 from cubicfish_cli.terminal.parameters import Argument
 
@@ -99,7 +104,7 @@ _CODE = re.compile(
 _DEFAULT = re.compile(r"\s*\[default: (.*?)\]\.?$")
 
 
-def _words(what: str, kind: type[Code] | type[Remedy]) -> str:
+def _words(what: str, kind: type[StrEnum]) -> str:
     text = f"{what}: {', '.join(f'`{one.value}`' for one in kind)}."
     return textwrap.fill(text, WIDTH, break_on_hyphens=False) + "\n"
 
@@ -123,17 +128,73 @@ def example_lines(command: click.Command) -> list[str]:
     return [line.strip() for line in lines if line.strip()]
 
 
-def json_keys(command: str) -> dict[str, str]:
-    """Key -> meaning of what a command prints with ``--json``, such as ``target-check``."""
-    tables = tomllib.loads(PAGE.with_name("json_keys.toml").read_text(encoding="utf-8"))
-    if command not in tables:
-        sys.exit(f"docs/json_keys.toml lacks the table [{command}], of what its --json prints")
-    try:
-        return {
-            key: Template(text).substitute(tables["parts"]) for key, text in tables[command].items()
-        }
-    except KeyError as missing:
-        sys.exit(f"docs/json_keys.toml lacks the key {missing} of [parts], which [{command}] names")
+def json_keys(command: click.Command) -> dict[str, str]:
+    """Key -> meaning of what a command prints with ``--json``: what its result's type says.
+
+    That is the section ``Keys`` of its ``as_record``, or of the function that makes it.
+    """
+    do = vars(command)["do"]
+    keys = _keys_in(do)
+    if not keys:
+        keys = _keys_in(_result_of(do).as_record)
+    if not keys:
+        sys.exit(f"the result of {do.__qualname__} does not say its 'Keys', which --json prints")
+    return keys
+
+
+def _result_of(do: Callable[..., Any]) -> Any:
+    """The type that a function returns, which its module may import for type checkers alone."""
+    name, module = do.__annotations__["return"], sys.modules[do.__module__]
+    for node in ast.walk(ast.parse(inspect.getsource(module))):
+        if isinstance(node, ast.ImportFrom) and name in {one.name for one in node.names}:
+            return resolve_name(f"{node.module}.{name}")
+    return vars(module)[name]
+
+
+def _keys_in(thing: Any) -> dict[str, str]:
+    """Key -> meaning, as the docstring of a function says."""
+    keys: dict[str, str] = {}
+    for entry in _entries(thing, "Keys"):
+        found = re.fullmatch(r"those of :\w+:`~(.*)`", entry)
+        if found is not None:
+            other = resolve_name(found[1])
+            keys |= _fields_of(other) if isinstance(other, type) else _keys_in(other)
+        else:
+            names, _, meaning = entry.partition(": ")
+            keys |= dict.fromkeys(names.split(", "), meaning)
+    return keys
+
+
+def _fields_of(kind: type) -> dict[str, str]:
+    """Key -> meaning of a record that is written field by field, with the fields of records in it.
+
+    Texts are those of the classes' docstrings.
+    """
+    texts: dict[str, str] = {}
+    for one in reversed(kind.__mro__):
+        for entry in _entries(one, "Attributes"):
+            names, _, meaning = entry.rstrip(".").replace("``", "").partition(": ")
+            texts |= dict.fromkeys(names.split(", "), meaning)
+    hints = get_type_hints(kind)
+    return {
+        one.metadata.get("key", one.name): texts[one.name] + _name_inner(hints[one.name])
+        for one in fields(kind)
+    }
+
+
+def _name_inner(hint: Any) -> str:
+    kinds = [one for one in (hint, *get_args(hint)) if is_dataclass(one)]
+    # What is told is the same everywhere.
+    names = [one.name for kind in kinds if kind is not Finding for one in fields(kind)]
+    return f": {', '.join(names)}" if names else ""
+
+
+def _entries(thing: Any, section: str) -> list[str]:
+    """The entries of a section of a docstring, a line each."""
+    text = inspect.cleandoc(thing.__doc__ or "") + "\n"
+    found = re.search(rf"^{section}:\n((?: {{4}}.*\n|\n(?= {{4}}))+)", text, re.M)
+    lines = textwrap.dedent(found[1]) if found is not None else ""
+    return [" ".join(entry.split()) for entry in re.findall(r"^\S.*(?:\n .*)*", lines, re.M)]
 
 
 def page() -> str:
@@ -158,7 +219,7 @@ def page() -> str:
         "## JSON\n",
         JSON,
         _words("Codes", Code),
-        _words("Remedies", Remedy),
+        _words("Remedies", type(Finding(code=Code.UNKNOWN).remedy)),
         "## Environment\n",
         _list([f"`{name}`: {_with_default(text)}" for name, text in ENVIRONMENT.items()]),
         "## Completion in the shell\n",
@@ -187,7 +248,7 @@ def _command(path: tuple[str, ...], command: click.Command) -> list[str]:
         parts += ["**Options**\n", _list([_option_words(option) for option in options])]
     parts.append("And the [common options](#common-options).\n")
     if _has(command, "--json"):
-        keys = json_keys("-".join(path[1:]))
+        keys = json_keys(command)
         parts += [
             "**JSON**\n",
             "The keys of what `--json` prints, [as everywhere](#json):\n",

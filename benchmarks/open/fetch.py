@@ -17,6 +17,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 LOCK = HERE / "cameras.lock.json"
+GITHUB = "https://github.com/{}"
 LICENCE = re.compile(r"^(licen[cs]e|copying)[^/]*$", re.IGNORECASE)
 
 
@@ -51,11 +52,11 @@ def repository(repo, out, snapshots, commit):
     if not (here / "HEAD").exists():
         here.mkdir(parents=True, exist_ok=True)
         git(here, "init", "-q", "--bare")
-        git(here, "remote", "add", "origin", f"https://github.com/{repo}")
+        git(here, "remote", "add", "origin", GITHUB.format(repo))
         git(here, "config", "remote.origin.promisor", "true")
         git(here, "config", "remote.origin.partialclonefilter", "blob:none")
     # Names and folders only; photos come one by one, when they are asked for.
-    git(here, "fetch", "-q", "--depth=1", "--filter=blob:none", "origin", commit or "HEAD")
+    git(here, "fetch", "-q", "--depth=1", "origin", commit or "HEAD")
     git(here, "update-ref", "HEAD", "FETCH_HEAD")
     return here
 
@@ -98,7 +99,7 @@ def brought(name, record, out, snapshots, known):
     (folder / "target.yaml").write_text(record["target"], encoding="utf-8")
     test = re.compile(record.get("test", "$^"))
     source = {
-        "repo": f"https://github.com/{record['repo']}", "commit": commit,
+        "repo": GITHUB.format(record["repo"]), "commit": commit,
         "licence": said[0] if said else "none stated",
         "test": [own for own, path in paths.items() if test.search(path)],
     }  # fmt: skip

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 LEAST = 6  # corners that make a photo worth fitting
+PLAUSIBLE = 0.005  # an RMS above so much of the width is a fit that went astray
 
 
 class Job:

@@ -132,7 +132,7 @@ def pose_of(project, points, pixel, group, table):
         if own.sum() < 4:
             continue
         pose = refined(project, points[own], pixel[own], *start_of(rays[own], points[own]))
-        pose = refined(project, points, pixel, *pose)
+        pose = pose if own.all() else refined(project, points, pixel, *pose)
         miss = np.linalg.norm(project(points @ pose[0].T + pose[1]) - pixel, axis=1)
         middle = np.median(np.nan_to_num(miss, nan=np.inf))
         if best is None or middle < least:

@@ -12,9 +12,6 @@ from trial import FOLDS, known
 
 BINS = np.arange(0, 136, 15)  # degrees from the axis
 DRAWS = 1000  # of the photos, for intervals
-COLOURS = (
-    "#0a6", "#7b3", "#06c", "#39f", "#c60", "#fa3", "#a0c", "#d5c", "#888", "#444", "#b22", "#e88"
-)  # fmt: skip
 COLUMNS = (
     ("held out px: median", "px_median", 3), ("95 %", "px_p95", 3), ("RMS", "px_rms", 3),
     ("arc min: median", "min_median", 2), ("95 %", "min_p95", 2), ("RMS", "min_rms", 2),
@@ -25,15 +22,6 @@ COLUMNS = (
     ("recall", "recall", 3), ("exported: median", "export_median", 3), ("CPU s", "seconds", 2),
     ("MB", "memory", 0), ("lines", "lines", 0),
 )  # fmt: skip
-STYLE = """th{background:#eee}body{font:14px sans-serif;margin:2em}
-table{border-collapse:collapse}svg text{font-size:11px}
-td,th{border:1px solid #ccc;padding:2px 6px;text-align:right;vertical-align:top}
-td:first-child{text-align:left}.best{background:#bfd;font-weight:bold}.near{background:#e6fbe6}
-.lost{background:#fdc}.bad{color:#a00;text-align:left;max-width:30em}"""
-HEAD = """<h1>Calibration tools on real cameras</h1>
-<p>Held-out error, median over all corners, pixels, with its 95 % interval over photos. Green: the best, and those whose interval reaches into its own.
-Red: a camera that cubicfish loses. ✗: something failed (hold the mouse there). README.md says how
-all is measured.</p>"""
 
 
 def interval(error, photo):
@@ -70,8 +58,10 @@ def row_of(folder):
         ("fold", "export", "export"), ("own", "own", "px"), ("halves", "halves", "px"),
     ):  # fmt: skip
         own = [pieces[one] for one in sorted(pieces) if one.startswith(prefix)]
-        parts = [one[key] for one in own if key in one]
-        if parts:
+        if any(key in one for one in own):
+            # A fold in which the tool left the board as drawn has one error, not two.
+            other = "px" if key == "drawn" else key
+            parts = [one.get(key, one.get(other)) for one in own if key in one or other in one]
             row |= spread(np.concatenate(parts), name)
     good = [one for one in folds if "px" in one]
     if good:
@@ -82,7 +72,8 @@ def row_of(folder):
         row["folds"] = f"{len(good)} of {len(folds)}"
     if "recalled" in found:
         row["recall"], row["recalled"] = found["recalled"].mean(), found["recalled"]
-    row["detector"] = str(found.get("problem", ""))
+    told = [found.get("problem", ""), *(one.get("export_problem", "") for one in folds)]
+    row["remarks"] = "; ".join(dict.fromkeys(str(one) for one in told if str(one)))
     return about["tool"], row
 
 
@@ -128,7 +119,7 @@ def plot(rows, name, label):
     parts += [f'<text x="{40 + 360 * a / wide:.0f}" y="206">{a}°</text>' for a in BINS if a <= wide]
     for k, (tool, line) in enumerate(lines.items()):
         if line:
-            colour, right = COLOURS[k % len(COLOURS)], 360 / wide
+            colour, right = f"hsl({137 * k % 360} 75% 38%)", 360 / wide
             places = [f"{40 + right * x:.1f} {190 - 165 * min(v, top) / top:.1f}" for x, v in line]
             parts.append(f'<path d="M{"L".join(places)}" fill="none" stroke="{colour}"/>')
             parts.append(f'<text x="406" y="{24 + 15 * k}" fill="{colour}">{tool}</text>')
@@ -146,10 +137,11 @@ def shown(value, digits=3):
 
 def table(head, rows):
     """HTML; cells are texts, or (text, class)."""
-    pairs = [[one if isinstance(one, tuple) else (one, "") for one in row] for row in rows]
-    lines = ["".join(f'<td class="{kind}">{text}</td>' for text, kind in row) for row in pairs]
-    first = "".join(f"<th>{one}</th>" for one in head)
-    return f"<table><tr>{first}</tr>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
+    lines = ["".join(f"<th>{one}</th>" for one in head)]
+    for row in rows:
+        pairs = [one if isinstance(one, tuple) else (one, "") for one in row]
+        lines.append("".join(f'<td class="{kind}">{text}</td>' for text, kind in pairs))
+    return "<table>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
 
 
 def best_of(rows):
@@ -192,17 +184,16 @@ def page(cameras, tools, missing):
         parts.append(f"{about['corners']} corners by {about['corners_by']}.</p>")
         full = []
         for tool, row in rows.items():
-            said = "; ".join(filter(None, (row["problem"], row.get("note"), row["detector"])))
+            said = "; ".join(filter(None, (row["problem"], row.get("note"), row["remarks"])))
             cells = [shown(row.get(key), digits) for _, key, digits in COLUMNS]
             full.append([tool, *cells, (html.escape(said), "bad")])
         parts.append(table(["tool", *(title for title, _, _ in COLUMNS), "remarks"], full))
         parts.append(plot(rows, "error", "held-out median, px, by angle from the axis"))
         parts.append(plot(rows, "recall", "share of the table's corners that its detector finds"))
     lines += [[name, "not here", (html.escape(why), "bad")] for name, why in missing.items()]
-    head = (
-        f'<!doctype html><meta charset="utf-8"><title>Open benchmark</title><style>{STYLE}</style>'
-    )
-    return head + HEAD + table(["camera", "photos", *tools], lines) + "".join(parts)
+    text = Path(__file__).with_name("page.html").read_text(encoding="utf-8")
+    first = table(["camera", "photos", *tools], lines)
+    return text.replace("OVERVIEW", first).replace("CAMERAS", "".join(parts))
 
 
 def main():

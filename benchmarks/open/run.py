@@ -22,10 +22,7 @@ import fetch
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 # One thread each, and no chance: results and processor times are those of the tool.
-QUIET = {
-    f"{name}_NUM_THREADS": "1"
-    for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "RAYON", "OPENCV_FOR")
-} | {"PYTHONHASHSEED": "0", "MPLBACKEND": "Agg"}
+QUIET = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "RAYON")}
 STOPPED = (signal.SIGINT, signal.SIGTERM)  # by the user, who will start it again
 ENDED = {signal.SIGXCPU: "took more than {} s", signal.SIGKILL: "was killed: too much memory?"}
 
@@ -70,32 +67,30 @@ def python_of(adapter, about, work):
 
 def digest(*parts):
     """Of strings and files' contents, hexadecimal."""
-    found = hashlib.sha256()
-    for part in parts:
-        found.update(part.read_bytes() if isinstance(part, Path) else part.encode())
-    return found.hexdigest()
+    data = [part.read_bytes() if isinstance(part, Path) else part.encode() for part in parts]
+    return hashlib.sha256(b"".join(data)).hexdigest()
 
 
 def cameras_in(folders):
     """Folders with a target and photos, a film or a table, by name."""
     found = {}
-    for depth in ("*", "*/*"):
-        for target in sorted(
-            one for folder in folders for one in folder.glob(f"{depth}/target.yaml")
-        ):
-            here = target.parent
-            things = [here / "images", here / "corners.csv", *here.glob("film.*")]
-            if "cases" not in target.parts and any(one.exists() for one in things):
-                found[here.name] = here
+    targets = [
+        target
+        for folder in folders
+        for depth in ("*", "*/*")
+        for target in sorted(folder.glob(f"{depth}/target.yaml"))
+    ]
+    for here in [target.parent for target in targets if "cases" not in target.parts]:
+        things = [here / "images", here / "corners.csv", *here.glob("film.*")]
+        if any(one.exists() for one in things):
+            found[here.name] = here
     return found
 
 
 def call(python, script, *arguments):
     """A script of this folder by some Python; (exit status, what it said at the end)."""
     command = [python, str(HERE / script), *map(str, arguments)]
-    env = os.environ | QUIET
-    env.pop("PYTHONPATH", None)
-    told = subprocess.run(command, capture_output=True, text=True, env=env)
+    told = subprocess.run(command, capture_output=True, text=True, env=os.environ | QUIET)
     return told.returncode, told.stderr + told.stdout
 
 

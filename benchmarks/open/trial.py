@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from job import Job
+from job import PLAUSIBLE, Job
 from measure import apart, evaluated
 
 FOLDS = 5
@@ -56,27 +56,27 @@ class Trial:
         return self.held_out(int(piece[8:]), photos, extra=False)
 
     def fitted(self, job):
-        """Of all starts the fit of least median error on its own photos.
+        """The fit of least RMS by its own words, of starts up to the first that is plausible.
 
         Returns the model, its projection, its target's corners, and what was told on the way.
         """
         best, least, told = None, np.inf, {"lost": [], "seconds": 0.0}
-        starts = self.tool.VARIANTS[self.variant]
-        for start in range(starts):
+        for start in range(self.tool.VARIANTS[self.variant]):
             begun = spent()
             try:
                 model = self.tool.fit(job, self.variant, start)
-                seconds, lens = spent() - begun, partial(self.tool.project, model)
-                world = job.world if model.get("world") is None else model["world"]
-                middle = np.median(evaluated(lens, world, job.judged())[0]) if starts > 1 else 0.0
             except Exception as problem:
-                told["lost"].append(f"start {start + 1} of {starts}: {said(problem)}")
+                told["lost"].append(f"start {start + 1}: {said(problem)}")
                 continue
-            if best is None or middle < least:
-                best, least, told["seconds"] = (model, lens, world), middle, seconds
+            if best is None or model["claimed"]["rms_px"] < least:
+                best, least = model, model["claimed"]["rms_px"]
+                told["seconds"] = spent() - begun
+            if least < PLAUSIBLE * job.size[0]:
+                break
         if best is None:
             raise ValueError("; ".join(told["lost"]))
-        return *best, told
+        world = job.world if best.get("world") is None else best["world"]
+        return best, partial(self.tool.project, best), world, told
 
     def full(self):
         """A fit to all photos: its time, memory and claims, and errors on those very photos."""

@@ -7,14 +7,14 @@ lens and all poses follow (`radial_reference.py`). The cubic starts from the one
 radial reference on a cone (`nearest_cubic.py`: Eq. 8–9, then least squares in pixels) and is fitted
 jointly with all poses (`cubic_fit.py`; `adjustment.py` has the residuals, their derivatives and the
 steps, Eq. 10), under a weak prior (`prior.py`): the nearest lens of the radial reference's kind,
-decentred and tilted (`asymmetric.py`, and `RayPrior` in `lenses.py`). The prior fixes the gauge and
+decentred and tilted (`decentred.py`, and `Tie` in `lenses.py`). The prior fixes the gauge and
 keeps poles out where there are no corners. Photos that are left out choose, to first order, how
 symmetric its lens is and how firmly it ties P (`leave_one_out.py`). `models/cubic.py` checks for
 poles and folds over the whole trusted cone. Outliers are dropped and listed, and at the end also
 corners that depart from their neighbours (`rejection.py`). Each photo is weighted by its own noise
 (`statistics.py`), and `held_out.py` measures the camera's error on photos that it never saw.
 
-A prior of a lens or of the target (`prior()`) is a Gram matrix of pseudo-observations, like the
+A prior of a lens or of the target (`pulls()`) is a Gram matrix of pseudo-observations, like the
 contribution of the corners (`NormalEquations`): they add up, and the contribution of a photo is
 subtracted again where the photo is left out. `Adjustment` is generic in its lens, a `FitLens`
 (`fit_lens.py`); its method `again` continues it. `RadialReference` and `CameraFit` are adjustments

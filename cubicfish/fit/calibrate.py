@@ -36,7 +36,7 @@ from cubicfish.models.lift import lift
 from cubicfish.models.pupil import from_pupil
 from cubicfish.models.radial import RadialCamera
 from cubicfish.models.sphere import cone_rays
-from cubicfish.solve.deformable_target import LEVELS, departures
+from cubicfish.solve.deformable_target import TARGET_MODELS, departures
 from cubicfish.solve.fit_lens import nearest_lens
 from cubicfish.solve.statistics import error_statistics, photo_records, rms_px, within_noise
 from cubicfish.solve.subset import flatness, middle, with_mean_weight_one, world_scale
@@ -163,14 +163,14 @@ def _assess(
         P=fit.lens.P,
         max_angle_deg=fit.max_angle_deg,
         radial=_find_far_radial(fit.lens, reference),
-        pupil_travel=0.0 if fit.prior.central else fit.lens.travel * scale,
+        pupil_travel=0.0 if fit.prior.central else fit.lens.pupil_travel * scale,
         units=None if target is None else target.units,
     )
     places = repeated_groups(fit.poses, reference.pairs, reference.camera.fx)
     spread = photo_spread(fit, places, fit.in_doubt)
     points = fit.poses.apply(reference.pairs.image, fit.world.points)
     effect = pupil_effect(camera, points * scale, reference.covered)
-    points = from_pupil(points, fit.lens.travel)
+    points = from_pupil(points, fit.lens.pupil_travel)
     covered_deg = float(np.rad2deg(angle_from_axis(points).max()))
     trusted = coverage.trusted_angle_deg(camera, covered_deg, spread.sigma_px)
     camera = replace(camera, max_angle_deg=trusted)
@@ -190,7 +190,7 @@ def _assess(
             uncertainty=uncertainty,
         )
         findings = diagnose(evidence)
-    judged = sorted((fit, *fit.other_levels), key=lambda one: LEVELS.index(one.level))
+    judged = sorted((fit, *fit.other_levels), key=lambda one: TARGET_MODELS.index(one.level))
     rays = fit.poses.apply(reference.pairs.image, reference.pairs.world)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     record = FitRecord(
@@ -198,8 +198,8 @@ def _assess(
         images=len(used.images),
         held_out_rms_px=left_out.rms_px if left_out else np.nan,
         held_out_folds=left_out.folds if left_out else 0,
-        companion_rms_px=rms_px(reference.errors),
-        companion_held_out_rms_px=left_out.companion_rms_px if left_out else np.nan,
+        radial_rms_px=rms_px(reference.errors),
+        radial_held_out_rms_px=left_out.radial_rms_px if left_out else np.nan,
         refine_target=fit.level,
         held_out_by_level={one.level: one.held_out.rms_px for one in judged if one.held_out},
         renamed_images=tuple(nominal.renamed),
@@ -272,7 +272,7 @@ def refuse_undetermined(reference: RadialReference) -> None:
 
 def _find_far_radial(lens: CubicFit, reference: RadialReference) -> RadialCamera:
     """Find the radial lens nearest to P for distant points: the reference fits near corners."""
-    if not lens.travel:
+    if not lens.pupil_travel:
         return reference.camera
     rays = cone_rays(reference.covered, _RAYS)
     fixed = terms_beyond(reference.terms)

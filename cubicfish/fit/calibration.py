@@ -14,7 +14,7 @@ from cubicfish.judge.finding import Finding
 from cubicfish.judge.fit_record import Departure, DroppedCorner
 from cubicfish.judge.uncertainty import UncertaintyGrid
 from cubicfish.models.cubic import CubicCamera
-from cubicfish.solve.deformable_target import Level
+from cubicfish.solve.deformable_target import TargetModel
 from cubicfish.solve.poses import Poses
 from cubicfish.solve.subset import select_photos, world_scale
 from cubicfish.target.observations import Observations
@@ -61,7 +61,7 @@ class Calibration(Calibrated):
         return self.fit.unfit_images
 
     @property
-    def refined(self) -> Level:
+    def refined(self) -> TargetModel:
         """How much of the target was fitted: ``off``, ``shape`` or ``points``."""
         return self.fit.refine_target or "off"
 

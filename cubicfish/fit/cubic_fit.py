@@ -18,10 +18,10 @@ from cubicfish.fit.radial_reference import RadialReference
 from cubicfish.models.cubic import pole_or_fold_deg
 from cubicfish.solve.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish.solve.deformable_target import (
-    LEVELS,
+    TARGET_MODELS,
     DeformableTarget,
-    Level,
     NominalTarget,
+    TargetModel,
 )
 from cubicfish.solve.poses import Poses
 from cubicfish.solve.statistics import huber_px, wide_px
@@ -64,7 +64,7 @@ class CameraFit(Adjustment[CubicFit]):
     other_levels: tuple[CameraFit, ...] = ()
 
     @property
-    def level(self) -> Level:
+    def level(self) -> TargetModel:
         """How much of the target was free."""
         if not self.world.free:
             return "off"
@@ -77,8 +77,8 @@ class CameraFit(Adjustment[CubicFit]):
         A few photos may not show that a refined target predicts better, although boards are
         deformed.
         """
-        mine, level = self.held_out, LEVELS.index(self.level)
-        richer = [one for one in self.other_levels if LEVELS.index(one.level) > level]
+        mine, level = self.held_out, TARGET_MODELS.index(self.level)
+        richer = [one for one in self.other_levels if TARGET_MODELS.index(one.level) > level]
         found = [(one.lens, mine.doubt(one.held_out)) for one in richer if mine and one.held_out]
         return sorted(found, key=lambda one: one[1])[-1:]
 
@@ -164,7 +164,7 @@ def _choose_start(
     for number, (lens, poses) in enumerate(prior.starts(reference, known, errors)):
         with np.errstate(over="ignore"):
             pixel = lens.project(poses.apply(reference.pairs.image, points))
-        if not np.isfinite(pixel).all() or not np.isfinite(lens.prior()).all():
+        if not np.isfinite(pixel).all() or not np.isfinite(lens.pulls()).all():
             continue
         # A pole between corners and rays shows in neither, but a fit is known to have none.
         is_known = known is not None and number == 0

@@ -60,7 +60,7 @@ class HeldOut:
         return float(np.sqrt(np.nanmean(self.square)))
 
     @property
-    def companion_rms_px(self) -> float:
+    def radial_rms_px(self) -> float:
         """RMS of the radial reference, pixels."""
         return float(np.sqrt(np.nanmean(self.radial_square)))
 
@@ -174,7 +174,7 @@ def _judge_fold(fit: CameraFit, test: IntArray, near: State[CubicFit]) -> FloatA
         P=trained.lens.P,
         max_angle_deg=fit.max_angle_deg,
         radial=radial.lens.lens,
-        pupil_travel=trained.lens.travel,
+        pupil_travel=trained.lens.pupil_travel,
     )
     world = replace(world, parameters=trained.world.parameters, offsets=trained.world.offsets)
     left_out = select_photos(pairs, test).with_world(world.points[out])

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cubicfish.fit.asymmetric import BentFit, StillRays
+from cubicfish.fit.decentred import DecentredFit, StillRays
 from cubicfish.models.lift import evaluate_cubics, lift, sphere_basis
 from cubicfish.models.pupil import from_pupil, from_pupil_and_slopes
 from cubicfish.solve.fit_lens import FitLens
@@ -71,23 +71,24 @@ class NearestCubic:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RayPrior:
-    """Pseudo-observations that tie a lens to the nearest bent one.
+class Tie:
+    """Pseudo-observations that tie a lens to the nearest decentred one.
 
-    The bent lens is as free as its kind allows: it follows, so that the prior does not fix what
+    That lens is as free as its kind allows: it follows, so that the prior does not fix what
     corners say about both lenses. Where no cubic can follow it, the prior ties P to the cubic that
     comes nearest: a firm prior would otherwise lead to some other lens, which a cubic meets better.
 
     Attributes:
         near: the rays, and the nearest cubic, near whose denominators P's are to stay.
-        lens: a bent lens that is near; the nearest cubic misses it as it misses the radial lens.
+        lens: a decentred lens that is near; the nearest cubic misses it as it misses the radial
+            lens.
         weight: factor of the residuals, among corners.
         denominator_weight: pixels that a relative change of P3Φ by 1 counts as.
 
     """
 
     near: NearestCubic
-    lens: BentFit
+    lens: DecentredFit
     weight: float
     denominator_weight: float
 
@@ -103,13 +104,13 @@ class RayPrior:
     def weights(self) -> FloatArray:
         """(M,) factors of the residuals at each ray.
 
-        Where there are no corners the bent lens is a guess: it is enough to keep poles out there,
+        Where there are no corners that lens is a guess: it is enough to keep poles out there,
         and a firm prior would make P follow the guess at the cost of the corners.
         """
         return np.where(self.near.within, self.weight, min(self.weight, WEIGHT_BEYOND))
 
-    def nearest(self, pixel: FloatArray) -> tuple[BentFit, tuple[FloatArray, FloatArray]]:
-        """The bent lens whose nearest cubic is nearest to pixels (M, 2), finite, at the rays.
+    def nearest(self, pixel: FloatArray) -> tuple[DecentredFit, tuple[FloatArray, FloatArray]]:
+        """The decentred lens whose nearest cubic is nearest to pixels (M, 2), finite, at the rays.
 
         The lens sees all of them: where steps lead to one that does not, ``lens`` is as near as
         any.
@@ -122,7 +123,7 @@ class RayPrior:
         weights, pixel = self.weights[:, None, None], pixel - self.near.miss
         for _ in range(_NEAREST_ROUNDS):
             miss = (weights * (seen - pixel)[:, :, None]).reshape(-1)
-            square = gram((weights * by_lens).reshape(len(miss), -1), miss) + lens.prior()
+            square = gram((weights * by_lens).reshape(len(miss), -1), miss) + lens.pulls()
             step = _follow(square[:-1, :-1], square[:-1, -1:])[:, 0]
             moved = lens.with_parameters(lens.parameters - step)
             sees = moved.seen(self.near.still)
@@ -149,8 +150,8 @@ class CubicFit(FitLens):
         coefficients: (3, 16) C.
         denominator_basis: (16, 15) the directions in which P3's coefficients may move.
         centre, scale: pixels are (m − centre) / scale inside.
-        ray_prior: the pseudo-observations; None without a prior.
-        travel: travel of the entrance pupil (:mod:`cubicfish.models.pupil`), in the unit
+        tie: the pseudo-observations; None without a prior.
+        pupil_travel: travel of the entrance pupil (:mod:`cubicfish.models.pupil`), in the unit
             of the points: P is for points that are far away.
         travel_weight: pixels that a travel of 1 counts as, in the prior that pulls it to 0.
 
@@ -160,22 +161,24 @@ class CubicFit(FitLens):
     denominator_basis: FloatArray
     centre: FloatArray
     scale: float
-    ray_prior: RayPrior | None = None
-    travel: float = 0.0
+    tie: Tie | None = None
+    pupil_travel: float = 0.0
     travel_weight: float = 0.0
 
     @property
     def parameters(self) -> FloatArray:
         """(48,)."""
         first, second, third = self.coefficients
-        return np.concatenate([first, second, self.denominator_basis.T @ third, [self.travel]])
+        return np.concatenate(
+            [first, second, self.denominator_basis.T @ third, [self.pupil_travel]]
+        )
 
     def with_parameters(self, parameters: FloatArray) -> CubicFit:
         """The same lens with other parameters."""
         third = self.coefficients[2]
         moved = parameters[32:47] - self.denominator_basis.T @ third
         rows = parameters[:16], parameters[16:32], third + self.denominator_basis @ moved
-        return replace(self, coefficients=np.stack(rows), travel=float(parameters[47]))
+        return replace(self, coefficients=np.stack(rows), pupil_travel=float(parameters[47]))
 
     def with_pixels_of(self, other: CubicFit, rays: FloatArray) -> CubicFit:
         """The P of another, pixels and scale normalised as here: the mean of P3Φ over rays is 1.
@@ -194,7 +197,7 @@ class CubicFit(FitLens):
 
     def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`~cubicfish.solve.fit_lens.FitLens`."""
-        moved, by_point, by_travel = from_pupil_and_slopes(points, self.travel)
+        moved, by_point, by_travel = from_pupil_and_slopes(points, self.pupil_travel)
         pixel, d_point, d_parameters = self.far_jacobian(moved)
         by_depth = d_point[:, :, 2:]
         d_parameters[:, :, 47:] = by_depth * by_travel[:, None, None]
@@ -219,24 +222,24 @@ class CubicFit(FitLens):
 
     def project(self, points: FloatArray) -> FloatArray:
         """See :class:`~cubicfish.solve.fit_lens.FitLens`."""
-        return self.far(from_pupil(points, self.travel))
+        return self.far(from_pupil(points, self.pupil_travel))
 
     def far(self, points: FloatArray) -> FloatArray:
         """Distant points (N, 3) -> pixels (N, 2)."""
         rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
         return self._compute_pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre
 
-    def prior(self) -> FloatArray:
+    def pulls(self) -> FloatArray:
         """See :class:`~cubicfish.solve.fit_lens.FitLens`."""
-        return self._prior
+        return self._pulls
 
     @cached_property
-    def _prior(self) -> FloatArray:
-        weight = 0.0 if self.ray_prior is None else self.ray_prior.weight
-        return self.priors(np.array([weight]))[0]
+    def _pulls(self) -> FloatArray:
+        weight = 0.0 if self.tie is None else self.tie.weight
+        return self.pulls_under(np.array([weight]))[0]
 
-    def priors(self, weights: FloatArray) -> FloatArray:
-        """(H, 49, 49) the priors under H weights, all at once; see :meth:`prior`.
+    def pulls_under(self, weights: FloatArray) -> FloatArray:
+        """(H, 49, 49) the priors under H weights, all at once; see :meth:`pulls`.
 
         They are weighted differences to the nearest lens of the prior's kind, and to its
         denominators. That lens's own parameters are eliminated (variable projection, Golub &
@@ -248,10 +251,10 @@ class CubicFit(FitLens):
         vanishes somewhere differs widely from one that is positive on the whole cone.
 
         Args:
-            weights: (H,) weights of the prior; see :attr:`RayPrior.weight`.
+            weights: (H,) weights of the prior; see :attr:`Tie.weight`.
 
         """
-        prior, pull = self.ray_prior, np.array([1, self.travel]) * self.travel_weight
+        prior, pull = self.tie, np.array([1, self.pupil_travel]) * self.travel_weight
         grams = np.zeros((len(weights), 49, 49))
         grams[:, 47:, 47:] = np.outer(pull, pull)
         if prior is None:
@@ -261,7 +264,7 @@ class CubicFit(FitLens):
         pixel = inside * self.scale + self.centre
         if not np.isfinite(pixel).all():  # a bad step, which its cost rejects
             return np.full_like(grams, np.inf)
-        bent, (seen, by_lens) = prior.nearest(pixel)
+        decentred, (seen, by_lens) = prior.nearest(pixel)
         # Derivatives by P's parameters, those by the lens's, and the miss.
         rows = np.empty((len(inside), 2, 47 + by_lens.shape[2] + 1))
         rows[:, :, :47] = self._differentiate(near.values, inside, denominator)
@@ -273,7 +276,7 @@ class CubicFit(FitLens):
         beyond = before + after
         squares = np.square([weights, np.minimum(weights, WEIGHT_BEYOND)])[:, :, None, None]
         whole = squares[0] * among + squares[1] * beyond
-        whole[:, 47:, 47:] += bent.prior()
+        whole[:, 47:, 47:] += decentred.pulls()
         kept = np.r_[:47, rows.shape[2] - 1]
         cross = whole[:, 47:-1, kept]
         followed = _follow(whole[:, 47:-1, 47:-1], cross)

@@ -13,7 +13,7 @@ from cubicfish.fit.held_out import held_out_error
 from cubicfish.fit.orientation import oriented
 from cubicfish.fit.prior import FIRMEST, RADIAL
 from cubicfish.fit.refinement import refine_object
-from cubicfish.solve.deformable_target import LEVELS, Level
+from cubicfish.solve.deformable_target import TARGET_MODELS, TargetModel
 from cubicfish.types import IntArray
 
 Progress = Callable[[str, float], None]
@@ -67,11 +67,11 @@ def select_model(
 
 
 def _refine_up_to(
-    fit: CameraFit, level: Level, hold_out: bool, progress: Progress | None
+    fit: CameraFit, level: TargetModel, hold_out: bool, progress: Progress | None
 ) -> CameraFit:
     """Refine the target up to a level, whether photos gain by it or not."""
     groups = folds_of(fit.reference)
-    for lower in LEVELS[1 : LEVELS.index(level)]:
+    for lower in TARGET_MODELS[1 : TARGET_MODELS.index(level)]:
         begin(progress, lower)
         # The prior of P matters where the selection ends.
         fit = refine_object(fit, lower, ())
@@ -84,7 +84,7 @@ def _refine_up_to(
 def _refine_while_photos_gain(fit: CameraFit, progress: Progress | None) -> CameraFit:
     """Refine the target as far as photos gain by it that were left out."""
     groups, current, judged = folds_of(fit.reference), fit, [fit]
-    for level in LEVELS[1:]:
+    for level in TARGET_MODELS[1:]:
         current = _refine_judged(current, level, groups, progress)
         judged.append(current)
         # A flat board with true outlines may still have corners off their places.
@@ -94,7 +94,7 @@ def _refine_while_photos_gain(fit: CameraFit, progress: Progress | None) -> Came
 
 
 def _refine_judged(
-    fit: CameraFit, level: Level, groups: Sequence[IntArray], progress: Progress | None
+    fit: CameraFit, level: TargetModel, groups: Sequence[IntArray], progress: Progress | None
 ) -> CameraFit:
     """Refine the target at the next level, and measure the held-out error."""
     begin(progress, level)
@@ -103,7 +103,7 @@ def _refine_judged(
     return better_named([_judge(one, report) for one in refined])
 
 
-def _namings(fit: CameraFit, level: Level) -> list[CameraFit]:
+def _namings(fit: CameraFit, level: TargetModel) -> list[CameraFit]:
     """Fits from which to start a level: as corners are named, and as they may be named better."""
     return oriented(fit) if level == "points" else [fit]
 
@@ -131,7 +131,7 @@ def _judge(fit: CameraFit, progress: Callable[[int, int], None]) -> CameraFit:
     """
     first = held_out_error(fit, progress)
     best = replace(fit.without_equations(), held_out=first)
-    if first is None or first.rms_px <= first.companion_rms_px:
+    if first is None or first.rms_px <= first.radial_rms_px:
         return best
     least_px = first.rms_px
     central = replace(fit.prior, central=True)

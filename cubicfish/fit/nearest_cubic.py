@@ -1,4 +1,4 @@
-"""The cubic nearest to a radial lens or to a bent one: P's prior's centre, its fit's start.
+"""The cubic nearest to a radial lens or to a decentred one: P's prior's centre, its fit's start.
 
 First it is found by linear least squares (Zhu & Yin 2010, Eq. 8–9), then in pixels. The linear
 equations u·P3Φ − P1Φ = 0 and v·P3Φ − P2Φ = 0 weight each pair by its unknown denominator P3Φ, which
@@ -45,7 +45,7 @@ _SHARES_BEYOND = (1e-3, 1e-2, 1e-1, 1.0)
 _MOST = 100  # evaluations
 # The same for the cubic near which P3Φ is only expected and from which a fit goes on: Gauss-Newton
 # steps, at most, and the share of its squared miss to which one must lower it to be worth another.
-_BENT_ROUNDS, _WORTH_ANOTHER = 8, 0.5
+_DECENTRED_ROUNDS, _WORTH_ANOTHER = 8, 0.5
 # As a share of the diagonal: what is lost in rounding stays.
 _ROUNDING = 1e-9
 _FREE = 47  # numbers of P, its scale fixed
@@ -215,17 +215,17 @@ def nearest_cubic(
     return NearestCubic(rays=rays, within=within, lens=start, miss=np.zeros_like(pixel))
 
 
-def nearest_bent_cubic(
+def nearest_decentred_cubic(
     near: NearestCubic, pixel: FloatArray, firm: float, valid_deg: float
 ) -> NearestCubic:
-    """Find the cubic nearest to a bent lens, from the one nearest to the radial lens.
+    """Find the cubic nearest to a decentred lens, from the one nearest to the radial lens.
 
     What the radial lens's cubic misses is no part of it: see
-    :class:`~cubicfish.fit.lenses.RayPrior`.
+    :class:`~cubicfish.fit.lenses.Tie`.
 
     Args:
         near: the cubic nearest to the radial lens.
-        pixel: (M, 2) where the bent lens sees its rays; not finite where it sees none.
+        pixel: (M, 2) where the decentred lens sees its rays; not finite where it sees none.
         firm: pixels that a relative change of P3Φ by 1 counts as, at each ray: what hardly changes
             pixels stays.
         valid_deg: half-angle of the valid cone, degrees.
@@ -238,7 +238,7 @@ def nearest_bent_cubic(
     lens, found, least = near.lens, near.lens, np.inf
     stiff, first = firm * near.values, near.lens.coefficients[2]
     root, index = near.weights[:, None], np.arange(_FREE)
-    for _ in range(_BENT_ROUNDS):
+    for _ in range(_DECENTRED_ROUNDS):
         with np.errstate(all="ignore"):  # a step to a pole is not taken
             seen, _, by_parameters = lens.far_jacobian(near.rays)
             miss = root * (seen - pixel - near.miss)
@@ -286,7 +286,7 @@ def refined_cubic(
     stiff = stiffness * (lift(rays) @ sphere_basis()) if stiffness else np.zeros((0, 16))
 
     def with_parameters(parameters: FloatArray) -> CubicFit:
-        return start.with_parameters(np.append(parameters, start.travel))
+        return start.with_parameters(np.append(parameters, start.pupil_travel))
 
     def miss(parameters: FloatArray) -> FloatArray:
         lens = with_parameters(parameters)

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from cubicfish.fit.asymmetric import BentFit
 from cubicfish.fit.cubic_fit import CameraFit
+from cubicfish.fit.decentred import DecentredFit
 from cubicfish.fit.folds import dealt_out
 from cubicfish.fit.lenses import CubicFit
 from cubicfish.fit.nearest_cubic import MARGIN_DEG
@@ -55,7 +55,7 @@ class PhotoSpread:
     left_out: FloatArray
     influence: FloatArray
     runner_up: FloatArray
-    prior_lens: BentFit
+    prior_lens: DecentredFit
     empty: float
 
     @property
@@ -142,7 +142,7 @@ def photo_spread(
     """
     reference, count = fit.reference, len(fit.lens.parameters)
     leave_one_out = LeaveOneOut(fit, _group_photos(places, reference.pairs))
-    prior = fit.lens.ray_prior
+    prior = fit.lens.tie
     assert prior is not None
     rays = cone_rays(reference.covered, _RAYS)
     others = [np.sqrt(likely) * _measure_step(fit.lens, lens, rays) for lens, likely in doubted]

@@ -17,15 +17,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cubicfish.fit.asymmetric import BentFit
 from cubicfish.fit.cubic_fit import NEAR_DECREASE, CameraFit, fit_cubic
-from cubicfish.fit.lenses import CubicFit, RayPrior
+from cubicfish.fit.decentred import DecentredFit
+from cubicfish.fit.lenses import CubicFit, Tie
 from cubicfish.fit.nearest_cubic import (
     MARGIN_DEG,
     SAFER_PULLS,
     cone_angle,
     linear_cubic,
-    nearest_bent_cubic,
+    nearest_decentred_cubic,
 )
 from cubicfish.fit.radial_reference import RadialReference
 from cubicfish.solve.adjustment import WARM_DAMPING, adjust
@@ -40,7 +40,7 @@ _TRAVEL_SPREAD = 0.02
 # Pixels that a unit of travel counts as where the pupil shall not move, whatever corners say.
 _STILL = 1e7
 # For a lens that is only the prior's, and starts the search for the nearest one.
-_BENT_DECREASE = 1e-4
+_DECENTRED_DECREASE = 1e-4
 # A turn of the camera with decentring and tilt does what a shift of the principal point does, to
 # well below any noise. So that the frame is not left to chance, the prior's lens stays within about
 # this share of the focal length of the principal point that the corners gave.
@@ -56,7 +56,7 @@ class Prior:
 
     Attributes:
         spread: expected asymmetry of the prior's lens (see
-            :class:`~cubicfish.fit.asymmetric.BentFit`); 0 for a symmetric one.
+            :class:`~cubicfish.fit.decentred.DecentredFit`); 0 for a symmetric one.
         weight: weight of the pseudo-observations.
         central: whether the entrance pupil does not move.
 
@@ -83,9 +83,9 @@ class Prior:
         if known is not None:
             yield self.apply(known.lens, reference, errors), known.poses
         near, camera = reference.cubic, reference.camera
-        _, poses = bent_lens(reference, self.spread)
-        bent = ray_prior(reference, self.spread).near.lens
-        yield self.apply(bent, reference, errors), poses
+        _, poses = decentred_lens(reference, self.spread)
+        decentred = tie_to(reference, self.spread).near.lens
+        yield self.apply(decentred, reference, errors), poses
         pixel = camera.project(near.rays)
         for pull in SAFER_PULLS:
             safer = linear_cubic(
@@ -104,13 +104,15 @@ class Prior:
             errors: (N, 2) of the corners, pixels.
 
         """
-        pairs, old, new = reference.pairs, lens.ray_prior, ray_prior(reference, self.spread)
+        pairs, old, new = reference.pairs, lens.tie, tie_to(reference, self.spread)
         rays = new.near.rays
         if old is None or old.near.rays is not rays:
-            lens = replace(reference.cubic.lens.with_pixels_of(lens, rays), travel=lens.travel)
-        lens = replace(lens, ray_prior=replace(new, weight=self.weight))
+            lens = replace(
+                reference.cubic.lens.with_pixels_of(lens, rays), pupil_travel=lens.pupil_travel
+            )
+        lens = replace(lens, tie=replace(new, weight=self.weight))
         if self.central:
-            return replace(lens, travel=0.0, travel_weight=_STILL)
+            return replace(lens, pupil_travel=0.0, travel_weight=_STILL)
         # What a unit of the pupil's travel counts as, among corners with these residuals.
         points = reference.poses.apply(pairs.image, pairs.world)
         distance = 1 / float(np.mean(1 / np.linalg.norm(points, axis=1)))
@@ -118,47 +120,51 @@ class Prior:
         return replace(lens, travel_weight=float(weight))
 
 
-def bent_lens(reference: RadialReference, spread: float) -> tuple[BentFit, Poses]:
-    """The bent lens nearest to a reference's corners, anchored there, and the poses with it.
+def decentred_lens(reference: RadialReference, spread: float) -> tuple[DecentredFit, Poses]:
+    """The decentred lens nearest to a reference's corners, anchored there, and the poses with it.
 
     Args:
         reference: the radial fit.
-        spread: the expected asymmetry, see :class:`BentFit`.
+        spread: the expected asymmetry, see :class:`DecentredFit`.
 
     """
 
-    def find() -> tuple[BentFit, Poses]:
+    def find() -> tuple[DecentredFit, Poses]:
         poses = reference.poses
-        lens = BentFit(
+        lens = DecentredFit(
             values=np.append(reference.camera.parameters, np.zeros(5)),
             terms=reference.terms,
             noise_px=max(noise_px(reference.errors), 1e-3),
             spread=spread,
         )
         if spread:
-            pairs, limit, least = reference.pairs, wide_px(reference.errors), _BENT_DECREASE
+            pairs, limit, least = reference.pairs, wide_px(reference.errors), _DECENTRED_DECREASE
             fit = adjust(lens, poses, pairs, limit, relative_decrease=least, damping=WARM_DAMPING)
             lens, poses = fit.lens, fit.poses
         about = _CENTRE_SPREAD * float(lens.values[:2].mean())
         return replace(lens, anchor=lens.values[2:4], anchor_px=about), poses
 
-    return reference.once(("bent", spread), find)
+    return reference.once(("decentred", spread), find)
 
 
-def ray_prior(reference: RadialReference, spread: float) -> RayPrior:
-    """The pseudo-observations of weight 1 that tie P to the bent lens, and P3Φ to its cubic's.
+def tie_to(reference: RadialReference, spread: float) -> Tie:
+    """The pseudo-observations of weight 1 that tie P to the decentred lens, and P3Φ to its cubic's.
 
     Not to that of the cubic nearest to the radial lens: where a mirror is not centred on its camera
     that lens is off by pixels, and its P3Φ by its own size.
 
     Args:
         reference: the radial fit.
-        spread: the expected asymmetry, see :class:`BentFit`.
+        spread: the expected asymmetry, see :class:`DecentredFit`.
 
     """
 
-    def find() -> RayPrior:
-        (lens, poses), near, pairs = bent_lens(reference, spread), reference.cubic, reference.pairs
+    def find() -> Tie:
+        (lens, poses), near, pairs = (
+            decentred_lens(reference, spread),
+            reference.cubic,
+            reference.pairs,
+        )
         seen = lens.project(poses.apply(pairs.image, pairs.world))
         errors = (seen - pairs.pixel)[pairs.error_known]
         sigma = max(noise_px(errors[np.isfinite(errors).all(axis=1)]), 1e-3)
@@ -167,8 +173,8 @@ def ray_prior(reference: RadialReference, spread: float) -> RayPrior:
         if spread:
             cone = cone_angle(reference.camera, reference.covered, MARGIN_DEG)
             pixel, valid_deg = lens.project(near.rays), float(np.rad2deg(cone))
-            near = nearest_bent_cubic(near, pixel, firm, valid_deg)
-        return RayPrior(near=near, lens=lens, weight=1.0, denominator_weight=firm)
+            near = nearest_decentred_cubic(near, pixel, firm, valid_deg)
+        return Tie(near=near, lens=lens, weight=1.0, denominator_weight=firm)
 
     return reference.once(("rays", spread), find)
 
@@ -268,7 +274,7 @@ def _predict_squares(
     grams = []
     for spread in dict.fromkeys(one.spread for one in priors):
         weights = np.array([one.weight for one in priors if one.spread == spread])
-        grams.append(replace(start.lens, ray_prior=ray_prior(reference, spread)).priors(weights))
+        grams.append(replace(start.lens, tie=tie_to(reference, spread)).pulls_under(weights))
     photos = LeaveOneOut(start, groups).residuals(np.concatenate(grams))
     squares = {photo: np.nansum(np.square(residual), axis=(0, 1)) for photo, residual in photos}
     return np.array([squares[photo] for photo in range(len(squares))]).T

@@ -11,7 +11,7 @@ from cubicfish.fit.folds import folds_of
 from cubicfish.fit.prior import choose_prior
 from cubicfish.fit.radial_reference import refit_radial
 from cubicfish.solve.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish.solve.deformable_target import Level, NominalTarget
+from cubicfish.solve.deformable_target import NominalTarget, TargetModel
 from cubicfish.solve.fit_lens import FitLens
 from cubicfish.solve.normal_equations import solve_scaled
 from cubicfish.solve.statistics import huber_px, noise_px, weighed
@@ -52,7 +52,7 @@ def fit_nominal_target(rough: CameraFit, target: Target | None, scale: float) ->
     return choose_prior(reference, folds_of(reference), start=start, everywhere=True)
 
 
-def refine_object(fit: CameraFit, level: Level, groups: Sequence[IntArray]) -> CameraFit:
+def refine_object(fit: CameraFit, level: TargetModel, groups: Sequence[IntArray]) -> CameraFit:
     """Let the target depart from the nominal one, as far as the pairs show, at the next level.
 
     Args:

@@ -64,7 +64,7 @@ def fit_roughly(pairs: Observations) -> RoughFit:
             P=fit.lens.P,
             max_angle_deg=fit.max_angle_deg,
             radial=fit.reference.camera,
-            pupil_travel=fit.lens.travel * scale,
+            pupil_travel=fit.lens.pupil_travel * scale,
         ),
         poses=fit.poses.scaled(scale).of_world(origin),
         pairs=replace(used, world=used.world * scale + origin, weight=used.weight * weight),

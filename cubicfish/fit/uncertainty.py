@@ -140,8 +140,8 @@ def _count_unknowns(fit: Adjustment[Any]) -> float:
     normal, world, own = fit.normal, fit.world, fit.pairs.error_known
     hessian, lens = normal.reduced_shared(), len(fit.lens.parameters)
     prior = np.zeros_like(hessian)
-    prior[:lens, :lens] = fit.lens.prior()[:-1, :-1]
-    prior[lens:, lens:] = world.prior()[:-1, :-1]
+    prior[:lens, :lens] = fit.lens.pulls()[:-1, :-1]
+    prior[lens:, lens:] = world.pulls()[:-1, :-1]
     scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
     square = scale * scale[:, None]
     inverse = np.linalg.pinv(hessian * square, hermitian=True)

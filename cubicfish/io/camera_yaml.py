@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from cubicfish import __version__
 from cubicfish.errors import CameraFileError, CorrespondenceError
-from cubicfish.files.plain_yaml import plain_yaml_text
+from cubicfish.files.plain_yaml import parse_plain_yaml, plain_yaml_text
 from cubicfish.files.whole_files import write_files
 from cubicfish.io.camera_keys import (
     FORMAT_VERSION,
@@ -35,6 +35,7 @@ from cubicfish.judge.uncertainty import UncertaintyGrid
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.lift import SIZE
 from cubicfish.types import FloatArray
+from cubicfish.wording import shown
 
 if TYPE_CHECKING:
     from cubicfish.models.point import PointCamera
@@ -63,7 +64,7 @@ class CameraRecord(CameraFacts):
             CameraFileError: ``made_by`` is not plain data.
 
         """
-        origin = {"version": __version__, **self.made_by, **_copy_plain(made_by or {})}
+        origin = {"version": __version__, **self.made_by, **copy_plain(made_by or {})}
         comment = replace(self, made_by=origin).line
         return camera_text(self.camera, fit=self.fit, made_by=origin, comment=comment)
 
@@ -188,18 +189,22 @@ def camera_text(
     size = [int(side) for side in camera.image_size]
     record = {"cubicfish": FORMAT_VERSION, "image_size": size, **own}
     record |= {"fit": fit.as_record(), "made_by": dict(made_by)}
-    return (f"# {comment}\n" if comment else "") + plain_yaml_text(record)
+    return (f"# {shown(comment)}\n" if comment else "") + plain_yaml_text(record)
 
 
-def _copy_plain(made_by: Mapping[str, Any]) -> dict[str, Any]:
-    """Copy plain data, which YAML can hold.
+def copy_plain(made_by: Mapping[str, Any]) -> dict[str, Any]:
+    """Copy plain data that a file can hold and is read again.
 
     Raises:
         CameraFileError: ``made_by`` holds other data.
 
     """
     try:
-        return dict(json.loads(json.dumps(made_by, allow_nan=False)))
+        plain = dict(json.loads(json.dumps(made_by, allow_nan=False)))
+        text = plain_yaml_text({"made_by": plain})
+        text.encode()
+        parse_plain_yaml(Path("made_by"), text, error=CameraFileError)
+        return plain
     except (TypeError, ValueError, RecursionError) as problem:
         raise CameraFileError(
             f"made_by may hold text, finite numbers, lists and mappings: {problem}"

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, TypeVar
 
 from cubicfish.judge.codes import Code, Remedy, Severity, remedy_of
 
-Level = Literal["good", "care", "bad"]
+VerdictLevel = Literal["good", "care", "bad"]
 
 
 _ABOUT = ("images", "boards", "cameras", "shots")
@@ -163,7 +163,7 @@ def _read_word(kind: type[_Word], word: object) -> _Word | None:
     return next((one for one in kind if one.value == word), None)
 
 
-def level_of(findings: Iterable[Finding]) -> Level:
+def level_of(findings: Iterable[Finding]) -> VerdictLevel:
     """The largest severity; ``good`` where nothing is worse than a note."""
     found = {finding.severity for finding in findings}
     return "bad" if Severity.BAD in found else "care" if Severity.CARE in found else "good"

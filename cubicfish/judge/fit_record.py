@@ -1,7 +1,7 @@
 """The record of a fit: the one type that the fit, camera.yaml, the verdict and the page share.
 
-Its fields are the keys of ``fit`` in camera.yaml, in their order. A figure that is not known is
-NaN, and an unknown count 0; the file then has null, or no key.
+Its fields are the keys of ``fit`` in camera.yaml, in their order, but for two of older names. A
+figure that is not known is NaN, and an unknown count 0; the file then has null, or no key.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from cubicfish.files.fingerprint import Fingerprint
 from cubicfish.files.reading import MAX_COORDINATE
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.pupil import PupilEffect
-from cubicfish.judge.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
+from cubicfish.judge.records import KEY, LEFT_OUT_IF_EMPTY, key_of, plain_record, read_record
 from cubicfish.judge.uncertainty import UncertaintyGrid
 from cubicfish.types import FloatArray
 
 NAN = math.nan
 Lift = Literal["ray", "point"]
 # Metadata of fields that only fits of the ``ray`` lift have.
-_RAY: Mapping[str, Any] = {"lift": "ray"}
+_RAY: dict[str, Any] = {"lift": "ray"}
 _POINT: Mapping[str, Any] = {"lift": "point"}
 
 
@@ -34,8 +34,10 @@ class ErrorStatistics:
     """Lengths of reprojection errors, pixels.
 
     Attributes:
-        rms_px: sqrt(mean(dx² + dy²)).
-        median_px, p95_px, max_px: median, 95th percentile and largest length.
+        rms_px: sqrt(mean(dx² + dy²)) over all corners used.
+        median_px: the median of the corners' errors.
+        p95_px: 95 % of the errors are below this.
+        max_px: the largest error.
         corners: how many corners were counted.
 
     """
@@ -148,21 +150,24 @@ class FitRecord(ErrorStatistics):
         lift: whether the cubics are of the unit ray or of the point.
         frame: which points a camera of the lift ``point`` takes.
         held_out_folds: number of folds of the cross-validation; 0 without one.
-        companion_rms_px, companion_held_out_rms_px: the same of the radial reference.
+        radial_rms_px: RMS of the radial reference, a Kannala–Brandt lens.
+        radial_held_out_rms_px: its RMS on photos that were left out.
         refine_target: how much of the target was fitted.
         held_out_by_level: held-out RMS of every level of ``refine_target`` that was tried.
         renamed_images: photos whose corners were renamed, since they show the target the other way
             round.
         departures: how far each board of the target departs from the nominal one.
         rank: numerical rank of Φ over the used rays (16 on the sphere), or of the points (20).
-        plain_rms_px, reweighted_rms_px: of the two linear solutions of the lift ``point``.
+        plain_rms_px: of the linear solution of the lift ``point``.
+        reweighted_rms_px: of its reweighted linear solution.
         covered_deg: angle from the axis of the farthest used corner.
         reach: how well corners cover the field's rim.
         pupil: the effect of the moving entrance pupil.
         flat: whether all corners lie nearly in one plane.
-        prior_weight, prior_spread: weight of the prior that ties P to the reference, and the
-            expected asymmetry of its lens.
-        coverage: share of the valid field that corners cover, 0 to 1.
+        prior_weight: how firmly P was held to the radial reference.
+        prior_spread: how much asymmetry of the lens was expected; 0 for none.
+        coverage: share of the field that corners cover, 0 to 1: of where the camera may be trusted
+            and does not see itself, as in a mirror.
         findings: what is likely wrong with the set-up, with the evidence.
         uncertainty: how far the pixels of distant points may be off, on a grid over the photo.
         dropped: number of outliers: corners that were left out as grossly wrong.
@@ -177,8 +182,10 @@ class FitRecord(ErrorStatistics):
     lift: Lift = field(default="ray", metadata=_POINT)
     frame: str | None = field(default=None, metadata=_POINT)
     held_out_folds: int = field(default=0, metadata=_RAY)
-    companion_rms_px: float = field(default=NAN, metadata=_RAY)
-    companion_held_out_rms_px: float = field(default=NAN, metadata=_RAY)
+    radial_rms_px: float = field(default=NAN, metadata=_RAY | {KEY: "companion_rms_px"})
+    radial_held_out_rms_px: float = field(
+        default=NAN, metadata=_RAY | {KEY: "companion_held_out_rms_px"}
+    )
     refine_target: Literal["off", "shape", "points"] | None = field(default=None, metadata=_RAY)
     held_out_by_level: Mapping[str, float] = field(default_factory=dict, metadata=_RAY)
     renamed_images: tuple[str, ...] = field(default=(), metadata=_RAY)
@@ -226,7 +233,7 @@ class FitRecord(ErrorStatistics):
             return {}
         known: dict[str, Any] = plain_record(self)
         others = {
-            one.name for one in fields(self) if one.metadata.get("lift", self.lift) != self.lift
+            key_of(one) for one in fields(self) if one.metadata.get("lift", self.lift) != self.lift
         }
         return {name: value for name, value in known.items() if name not in others}
 

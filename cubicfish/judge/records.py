@@ -7,7 +7,7 @@ null for NaN. A finding is a mapping in a list, and its line by a name.
 
 import math
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache, partial
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
@@ -20,6 +20,13 @@ _Reader = Callable[[object], Any]
 
 LEFT_OUT_IF_EMPTY: Mapping[str, Any] = {"left_out_if_empty": True}
 """Metadata of a field that is written only where there is something in it."""
+KEY = "key"
+"""Metadata of a field that files know by another name: that one."""
+
+
+def key_of(one: Field[Any]) -> str:
+    """The key of a record's field in files."""
+    return str(one.metadata.get(KEY, one.name))
 
 
 def recorded_number(value: object) -> float | None:
@@ -37,8 +44,8 @@ def read_record(kind: type[R], value: object) -> R | None:
     if not isinstance(value, Mapping):
         return None
     known = {}
-    for name, read, required in _list_readers(cast("Hashable", kind)):
-        found = read(value.get(name))
+    for name, key, read, required in _list_readers(cast("Hashable", kind)):
+        found = read(value.get(key))
         if found is not None:
             known[name] = found
         elif required:
@@ -62,18 +69,23 @@ def plain_record(value: Any) -> Any:
     if not is_dataclass(value):
         return value
     return {
-        one.name: plain_record(own)
+        key_of(one): plain_record(own)
         for one in fields(value)
         if (own := getattr(value, one.name)) or one.metadata != LEFT_OUT_IF_EMPTY
     }
 
 
 @cache
-def _list_readers(kind: Any) -> list[tuple[str, _Reader, bool]]:
-    """List the name and the reader of each field, and whether the field is required."""
+def _list_readers(kind: Any) -> list[tuple[str, str, _Reader, bool]]:
+    """List the name, the key and the reader of each field, and whether the field is required."""
     types = get_type_hints(kind)
     return [
-        (one.name, _make_reader(types[one.name]), one.default is one.default_factory is MISSING)
+        (
+            one.name,
+            key_of(one),
+            _make_reader(types[one.name]),
+            one.default is one.default_factory is MISSING,
+        )
         for one in fields(kind)
     ]
 

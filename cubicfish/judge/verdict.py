@@ -10,12 +10,12 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from cubicfish.judge.codes import Code, Severity
-from cubicfish.judge.finding import Finding, Level, level_of
+from cubicfish.judge.finding import Finding, VerdictLevel, level_of
 from cubicfish.judge.fit_record import ErrorStatistics, FitRecord
 from cubicfish.judge.uncertainty import CERTAIN_PX, FieldUncertainty, of_size
 from cubicfish.types import FloatArray
@@ -61,13 +61,6 @@ _WORSE_PHOTO = 3.0
 _FEW_CORNERS_IN_PHOTO = 20
 
 
-LEVELS: Mapping[Level, str] = {
-    "good": "good",
-    "care": "usable with care",
-    "bad": "not to be trusted",
-}
-
-
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
     """The verdict on a fit.
@@ -80,14 +73,21 @@ class Verdict:
 
     """
 
-    level: Level
+    WORDS: ClassVar[Mapping[VerdictLevel, str]] = {
+        "good": "good",
+        "care": "usable with care",
+        "bad": "not to be trusted",
+    }
+    """What is said of each level."""
+
+    level: VerdictLevel
     figures: str = ""
     reasons: tuple[Finding, ...]
 
     @property
     def words(self) -> str:
         """``good``, ``usable with care`` or ``not to be trusted``."""
-        return LEVELS[self.level]
+        return self.WORDS[self.level]
 
     def __str__(self) -> str:
         """The verdict in one line: the word, and the figures or the reasons."""
@@ -181,7 +181,7 @@ def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[Verdict]
 
 
 def _state_fit(fit: FitRecord) -> str:
-    radial, rim, parts = fit.companion_held_out_rms_px, fit.reach.rim_coverage, []
+    radial, rim, parts = fit.radial_held_out_rms_px, fit.reach.rim_coverage, []
     if math.isfinite(fit.held_out_rms_px):
         beside = f" (a radial lens: {radial:.3f})" if math.isfinite(radial) else ""
         parts.append(f"off by {fit.held_out_rms_px:.3f} px{beside} on photos left out of the fit")
@@ -217,7 +217,7 @@ def _apply_rules(
     """
     extent, known = of.reach, of.uncertainty
     held_out, rms, photos = of.held_out_rms_px, of.rms_px, of.images
-    radial = of.companion_held_out_rms_px
+    radial = of.radial_held_out_rms_px
     error = float(np.fmax(held_out, rms))
     if of.says_nothing:  # not a calibration of ours, such as an import
         yield from _report(Severity.CARE, Code.NO_FIGURES, "elsewhere")

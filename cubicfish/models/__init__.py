@@ -6,7 +6,7 @@ Newton's method, for these and for `CubicCamera`, which is no `Lens`: its parame
 (`CubicFit` in `fit/lenses.py`), its field is measured. `lift.py` has the 20 monomials, and
 `pupil.py` where a near point is seen. `PointCamera`, of the paper's own lift, has no rays at all;
 its fit is `fit/point_fit.py`. What the solver adjusts is a `FitLens` (`solve/fit_lens.py`): a
-`FreeLens` of any `Lens`, or with priors `BentFit` and `CubicFit`.
+`FreeLens` of any `Lens`, or with priors `DecentredFit` and `CubicFit`.
 """
 
 from cubicfish.lazy import lazy_names

@@ -285,6 +285,8 @@ def find_photos(
                 missed.append(path)
                 continue
             paths.setdefault(os.path.realpath(path), path)
+    if not paths and not missed:
+        raise PhotoError("no photos are named: name files, folders or patterns")
     if not paths:
         raise _explain_not_plain(missed[0].name, "file")
     if remarks is not None and missed:

@@ -21,7 +21,7 @@ from cubicfish.judge.finding import Finding
 from cubicfish.judge.fit_record import FitRecord
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.rigs.rig import half_field_deg
-from cubicfish.solve.deformable_target import Level
+from cubicfish.solve.deformable_target import TargetModel
 from cubicfish.solve.fit_lens import FitLens, FixedLens
 from cubicfish.solve.poses import Poses
 from cubicfish.solve.subset import with_mean_weight_one, world_scale
@@ -97,7 +97,7 @@ class Alone:
     record: FitRecord
     seen: Observations
     runners_up: Sequence[tuple[FitLens, float]] = ()
-    level: Level = "off"
+    level: TargetModel = "off"
     findings: Sequence[Finding] = ()
 
     def within(self, common: CommonWorld, units: str | None) -> Alone:
@@ -111,7 +111,7 @@ class Alone:
     def as_camera(self, lens: FitLens) -> CubicCamera:
         """The camera with a lens that its own was adjusted to, in the adjustment's frame."""
         if isinstance(lens, CubicFit):
-            return replace(self.camera, P=lens.P, pupil_travel=lens.travel)
+            return replace(self.camera, P=lens.P, pupil_travel=lens.pupil_travel)
         return self.camera
 
     @property
@@ -214,9 +214,9 @@ def _fix_denominators(lens: CubicFit) -> CubicFit:
     Many cubics of different P3 see nearly the same. What is wrong between cameras is many times
     their corners' noise, and would pay for a pole beside a corner (see :meth:`CubicFit.priors`).
     """
-    prior = lens.ray_prior
+    prior = lens.tie
     if prior is None:
         return lens
     firm = _FIRM * prior.denominator_weight
     near = replace(prior.near, lens=lens)
-    return replace(lens, ray_prior=replace(prior, near=near, denominator_weight=firm))
+    return replace(lens, tie=replace(prior, near=near, denominator_weight=firm))

@@ -25,7 +25,7 @@ from cubicfish.rigs.shots import Matching, Times
 from cubicfish.rigs.start import RigStart, connected, refuse_exchanged, start_rig
 from cubicfish.rigs.times import CornerMotion, Motion
 from cubicfish.rigs.views import JoinedViews, observed_shots
-from cubicfish.solve.deformable_target import LEVELS, NominalTarget
+from cubicfish.solve.deformable_target import TARGET_MODELS, NominalTarget
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
 from cubicfish.threads import one_blas_thread
@@ -84,9 +84,9 @@ def calibrate_rig(
     names, known = list(cameras), known or {}
     for name in names:
         RigCamera.refuse_name(name, "camera", FitError)
-    seen, target, matched = observed_shots(cameras, target, shots, tolerance, times)
     if len(names) < 2:
         raise FitError("a rig has two cameras or more: calibrate a single one with 'calibrate'")
+    seen, target, matched = observed_shots(cameras, target, shots, tolerance, times)
     refuse_exchanged(seen, {name: known[name] for name in names if name in known})
     common, progress = CommonWorld.of(list(seen.values())), listener.stages("Fitting")
     singly = []
@@ -110,7 +110,9 @@ def calibrate_rig(
         singly=singly,
         common=common,
         nominal=_make_nominal(views.pairs, target, common),
-        level="off" if target is None else max((one.level for one in singly), key=LEVELS.index),
+        level="off"
+        if target is None
+        else max((one.level for one in singly), key=TARGET_MODELS.index),
         motion=motion,
         start=_start(names, views, singly),
     )

@@ -94,6 +94,8 @@ def evaluate_rig(
             be placed.
 
     """
+    if not cameras:
+        raise FitError("no camera of the rig has corners: give those of two or more, by name")
     known = [rig.camera(name) for name in cameras]
     seen, target, matched = observed_shots(cameras, target, shots, tolerance, times)
     if target is not None and rig.units is not None and target.units != rig.units:

@@ -15,7 +15,7 @@ from cubicfish.rigs.start import RigStart
 from cubicfish.rigs.times import Motion, Timing, on_time
 from cubicfish.rigs.views import JoinedViews
 from cubicfish.solve.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish.solve.deformable_target import Level, NominalTarget
+from cubicfish.solve.deformable_target import NominalTarget, TargetModel
 from cubicfish.solve.fit_lens import FitLens, FixedLens
 from cubicfish.solve.leave_one_out import LeaveOneOut
 from cubicfish.solve.poses import Poses
@@ -50,7 +50,7 @@ class RigProblem:
     singly: Sequence[Alone]
     common: CommonWorld
     nominal: NominalTarget
-    level: Level
+    level: TargetModel
     motion: Motion
     start: RigStart
 

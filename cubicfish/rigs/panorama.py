@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish.errors import ViewError
+from cubicfish.files.reading import MAX_COORDINATE
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.rigs.rig import Rig, RigCamera
 from cubicfish.types import FloatArray
@@ -47,6 +48,12 @@ class Body:
 
     cameras: tuple[RigCamera, ...]
     distance: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.distance is not None and not 0 < self.distance <= MAX_COORDINATE:
+            raise ViewError(
+                f"distance must be above 0 and at most {MAX_COORDINATE:g}, not {self.distance}"
+            )
 
     @property
     def centre(self) -> FloatArray:
@@ -81,7 +88,7 @@ class Body:
                 size = sizes.get(one.name, one.camera.image_size)
                 cameras.append(replace(one, camera=one.camera.for_photos(size)))
             except ViewError as problem:
-                raise ViewError(f"camera {one.name}: {problem}") from problem
+                raise problem.amid(f"camera {one.name}: ") from problem
         return replace(self, cameras=tuple(cameras))
 
     def in_camera(self, one: RigCamera, rays: FloatArray) -> FloatArray:
@@ -209,7 +216,7 @@ class Panorama:
                 made = undistort(photos[name], self.maps[number], interpolation=interpolation)
                 parts.append(made)
             except ViewError as problem:
-                raise ViewError(f"camera {name}: {problem}") from problem
+                raise problem.amid(f"camera {name}: ") from problem
         wide = (slice(None), slice(None), *(None,) * (parts[0].ndim - 2))
         weights = [self.weights[number] for number in there]
         weight = sum(weights[1:], weights[0])

@@ -26,7 +26,7 @@ from cubicfish.files.plain_yaml import (
 from cubicfish.files.whole_files import Content, write_files
 from cubicfish.geometry import camera_centre
 from cubicfish.io.camera_keys import Keys
-from cubicfish.io.camera_yaml import Calibrated, camera_text, load_camera
+from cubicfish.io.camera_yaml import Calibrated, camera_text, copy_plain, load_camera
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.fit_record import (
     NAN,
@@ -337,9 +337,10 @@ def save_rig(
 
     Raises:
         OutputError: a file exists and ``overwrite`` is false, or it cannot be written.
+        CameraFileError: ``made_by`` is not plain data.
 
     """
-    place, rig = Path(folder), replace(rig, made_by={**rig.made_by, **(made_by or {})})
+    place, rig = Path(folder), replace(rig, made_by={**rig.made_by, **copy_plain(made_by or {})})
     texts: dict[Path, Content] = {place / name: text for name, text in rig.texts().items()}
     return write_files(texts, overwrite=overwrite, folder=place)
 

@@ -232,12 +232,12 @@ class RigLens(FitLens):
         """The lens of a view."""
         return self.lenses[self.camera[photo]]
 
-    def prior(self) -> FloatArray:
+    def pulls(self) -> FloatArray:
         """The lenses' priors, each where its parameters stand."""
         count = self.columns[-1].stop
         whole = np.zeros((count + 1, count + 1))
         for lens, columns in zip(self.lenses, self.columns, strict=True):
-            own = lens.prior()
+            own = lens.pulls()
             at = np.append(columns.start + np.arange(len(own) - 1), count)
             whole[np.ix_(at, at)] += own
         times, views = self.free_times, np.arange(len(self.camera))

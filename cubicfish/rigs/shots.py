@@ -50,15 +50,15 @@ def match_shots(
     """
     if isinstance(shots, Shots):
         return shots
+    if not isinstance(shots, str):
+        return shots_of_table(photos, shots)
     if shots == "name":
         return shots_by_name(photos)
     if shots == "time":
         known = times or {}
         found = {camera: times_of(names, known.get(camera)) for camera, names in photos.items()}
         return shots_by_time(photos, found, TOLERANCE if tolerance is None else tolerance)
-    if isinstance(shots, str):
-        raise FitError(f"shots {quoted(shots)} is not known: use 'name', 'time', or rows")
-    return shots_of_table(photos, shots)
+    raise FitError(f"shots {quoted(shots)} is not known: use 'name', 'time', or rows")
 
 
 def shots_by_name(photos: Mapping[str, Sequence[str]]) -> Shots:
@@ -182,6 +182,8 @@ def shots_of_table(photos: Mapping[str, Sequence[str]], rows: Sequence[Row]) -> 
                 f"shot {quoted(shot)}: camera {camera} has two photos of a shot, or one of two"
             )
         listed[camera][name] = shot
+    if not any(listed.values()):
+        raise FitError("no row of shots is of these photos: each is (shot, camera, photo)")
     return _number_shots(listed.values())
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish.errors import ViewError
+from cubicfish.files.plain_yaml import plain_yaml_text
 from cubicfish.rigs.rig import Rig
 from cubicfish.types import FloatArray
 from cubicfish.views.fields import seen_field_deg, sees
@@ -54,12 +55,16 @@ class RectifiedPair:
         cameras: the two.
         rotations: rectified_from_camera of each, (3, 3).
         baseline_x: where the second stands on x from the first: negative where it is on the left.
+        names: of the two, in their rig.
+        units: of the baseline; None where they are not known.
 
     """
 
     cameras: tuple[Camera, Camera]
     rotations: tuple[FloatArray, FloatArray]
     baseline_x: float
+    names: tuple[str, ...] = ()
+    units: str | None = None
 
     @property
     def max_angle_deg(self) -> float:
@@ -153,6 +158,9 @@ class RectifiedPair:
         x, y = view.middle
         depth, point = _DEPTHS[view.kind]
         record: dict[str, Any] = {
+            "cameras": list(self.names),
+            "units": self.units,
+            "photo_sizes": [list(camera.image_size) for camera in self.cameras],
             "cubicfish_stereo": FORMAT_VERSION,
             "kind": view.kind,
             "image_size": list(view.size),
@@ -172,6 +180,10 @@ class RectifiedPair:
             first, second = self.projections(view)
             record |= {"P1": first.tolist(), "P2": second.tolist(), "Q": self.Q(view).tolist()}
         return record
+
+    def text(self, view: CentralView) -> str:
+        """The same as YAML."""
+        return plain_yaml_text(self.as_record(view))
 
 
 def rectified_pair(
@@ -227,4 +239,5 @@ def rectify(rig: Rig, first: str, second: str) -> RectifiedPair:
 
     """
     one, other = (rig.camera(name) for name in (first, second))
-    return rectified_pair(one.camera, other.camera, *other.beside(one))
+    pair = rectified_pair(one.camera, other.camera, *other.beside(one))
+    return replace(pair, names=(first, second), units=rig.units)

@@ -277,11 +277,11 @@ def _evaluate(state: State[L], pairs: Observations, huber_px: float) -> Adjustme
             cost += float(pairs.weight[run] @ huber_cost(length, huber_px))
             if np.isfinite(cost):
                 normal.add(terms, world.corner[run])
-        prior = state.lens.prior()
+        prior = state.lens.pulls()
         offset = (world.offset_weight * world.offsets).reshape(-1)
-        cost += 0.5 * float(prior[-1, -1] + world.prior()[-1, -1] + offset @ offset)
+        cost += 0.5 * float(prior[-1, -1] + world.pulls()[-1, -1] + offset @ offset)
         if np.isfinite(cost):
-            normal = normal.with_priors(prior, world)
+            normal = normal.with_pulls(prior, world)
     return Adjustment(
         **vars(state),
         residual=residual,

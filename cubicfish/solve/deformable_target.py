@@ -38,8 +38,8 @@ _STRETCHED = 1  # index of stretches among the kinds of parameters
 # The mean stretch of all boards is kept this close to zero: no photo shows the overall scale.
 _SCALE_SPREAD = 1e-6
 _PLACE_TERMS = 6  # rotation vector, shift
-Level = Literal["off", "shape", "points"]
-LEVELS: tuple[Level, ...] = ("off", "shape", "points")
+TargetModel = Literal["off", "shape", "points"]
+TARGET_MODELS: tuple[TargetModel, ...] = ("off", "shape", "points")
 """How much of the target is free: nothing, its boards, or each corner as well."""
 
 
@@ -209,7 +209,7 @@ class DeformableTarget:
             chained[pairs - run.start, :, part.shape.start : part.place.stop] = columns
         return chained
 
-    def prior(self) -> FloatArray:
+    def pulls(self) -> FloatArray:
         """The prior of the parameters: pulls to zero, and a far firmer one of the mean stretch.
 
         It is (S + 1, S + 1) like a lens's prior; the mean stretch is the overall scale.
@@ -242,7 +242,7 @@ class NominalTarget:
     scale: float = 1.0
     renamed: Mapping[str, Symmetry] = field(default_factory=dict)
 
-    def pairs_at(self, level: Level) -> Observations:
+    def pairs_at(self, level: TargetModel) -> Observations:
         """The pairs of a fit at a level of the target; ``error_known`` is set for this level.
 
         If no corner of a target is certain, each one tells the error that its own point leaves.

@@ -50,7 +50,7 @@ class FitLens:
         """Camera-frame points (N, 3) -> pixel (N, 2), not finite where there is none."""
         return self.pixel_and_slopes(points)[0]
 
-    def prior(self) -> FloatArray:
+    def pulls(self) -> FloatArray:
         """Gram matrix (K + 1, K + 1) of pseudo-observations.
 
         Products of their derivatives by the parameters and, last, of their residuals, pixels.

@@ -64,7 +64,7 @@ class LeaveOneOut:
             The photo, and (n, 2, H) pixels; NaN of pairs that do not tell their error.
 
         """
-        own = self._fit.lens.prior()
+        own = self._fit.lens.pulls()
         change = (own[None] if priors is None else priors) - own
         for group in self._groups:
             terms = list(self._linearise(group)) if self._is_small(group) else None
@@ -74,7 +74,7 @@ class LeaveOneOut:
 
     def steps_under(self, lenses: Sequence[FitLens]) -> FloatArray:
         """Steps (H, K) of the shared unknowns under other lenses' priors, no photo left out."""
-        change = np.array([lens.prior() for lens in lenses]) - self._fit.lens.prior()
+        change = np.array([lens.pulls() for lens in lenses]) - self._fit.lens.pulls()
         return _resolve(self._fit.normal, self._equations_of_all, change)[0].T
 
     def influence(self) -> FloatArray:

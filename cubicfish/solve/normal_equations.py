@@ -154,11 +154,11 @@ class NormalEquations:
             both = terms.by_pose.transpose(0, 2, 1) @ terms.by_corner
             self.pose_corner[terms.pose, :, corner] += both
 
-    def with_priors(self, lens_prior: FloatArray, world: DeformableTarget) -> NormalEquations:
+    def with_pulls(self, lens_prior: FloatArray, world: DeformableTarget) -> NormalEquations:
         """Add the priors of the lens, of the boards and of free corners."""
         shared, corner_shared = self.shared.copy(), self.corner_shared.copy()
         first = 0
-        for prior in (lens_prior, world.prior()):
+        for prior in (lens_prior, world.pulls()):
             own = first + np.arange(len(prior) - 1)
             shared[np.ix_(own, np.append(own, -1))] += prior[:-1]
             first += len(own)

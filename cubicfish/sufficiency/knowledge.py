@@ -112,7 +112,7 @@ class Knowledge:
                 P=result.lens.P,
                 max_angle_deg=result.max_angle_deg,
                 radial=reference.camera,
-                pupil_travel=result.lens.travel * scale,
+                pupil_travel=result.lens.pupil_travel * scale,
             ),
             gauge=common_gauge(result),
             hessian=result.normal.reduced_shared(),

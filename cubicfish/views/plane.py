@@ -6,6 +6,7 @@ the photo was taken, as long as the plane's place in the camera's frame is known
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -57,6 +58,11 @@ def build_plane(
 
     """
     refusal = Refusal(error=ViewError)
+    for name, value in (("pixels_per_unit", pixels_per_unit), ("margin", margin)):
+        if value is not None and not (math.isfinite(value) and value >= 0):
+            raise ViewError(f"{name} must be a finite number of 0 or more, not {value}")
+    if pixels_per_unit == 0:
+        raise ViewError("pixels_per_unit must be above 0")
     given = np.asarray(rotation)
     turn = refusal.numbers(given[None] if given.shape == (3,) else given, "rotation", 3)
     if given.shape == (3,):

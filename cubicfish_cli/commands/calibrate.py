@@ -192,7 +192,25 @@ class CalibratedFiles:
     advice: str | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish calibrate --json`` prints."""
+        """Return plain data: what ``cubicfish calibrate --json`` prints.
+
+        Keys:
+            those of :class:`~cubicfish.judge.fit_record.FitRecord`
+            photo_problems: photos that gave nothing and grids that were left out, a line each;
+                null where no photos were searched
+            remarks: what else is told, a record each: photos and grids that were left out
+            verdict: level (good, care or bad), words, figures, and reasons, a record each, with
+                why: what and evidence in one
+            advice: whether more photos are needed, and of what, in a line; not with --lift
+                point
+            summary: the camera in one line
+            chosen: why no more photos or frames were chosen, in a sentence; null where all were
+                taken
+            report: the page; null where none was written
+            model: the camera's file
+            files: every file that was written, by its kind
+
+        """
         from cubicfish_cli.words.camera import verdict_record
 
         return {
@@ -446,13 +464,13 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
     else:
         judged = "photos judged by cameras that never saw them"
         more.append(
-            ("  radial reference", fit.companion_rms_px, "a Kannala–Brandt lens, same corners")
+            ("  radial reference", fit.radial_rms_px, "a Kannala–Brandt lens, same corners")
         )
     if math.isnan(fit.held_out_rms_px):
         judged = "not measured"
     more.append(("held-out RMS", fit.held_out_rms_px, judged))
     if fit.held_out_folds:
-        more.append(("  radial reference", fit.companion_held_out_rms_px, ""))
+        more.append(("  radial reference", fit.radial_held_out_rms_px, ""))
     figures.print_errors(fit, more)
     for figure in scope(fitted):
         figures.print_figure(*figure)

@@ -58,7 +58,21 @@ class ComparedFiles:
     picture: Path | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish compare --json`` prints."""
+        """Return plain data: what ``cubicfish compare --json`` prints.
+
+        Keys:
+            rms_px: sqrt(mean(dx² + dy²)) over pixels of the common field
+            median_px: the median difference
+            p95_px: 95 % of the differences are below this
+            max_px: the largest difference
+            pixels: at how many pixels this was measured
+            common_share: share of what A sees that B sees too
+            rotation_deg: the rotation that was taken out
+            scale: A's pixels for one of B's
+            by_angle: a record a ring about the axis: from_deg, to_deg, rms_px, max_px, pixels
+            picture: the file of --picture, where it was asked for
+
+        """
         drawn = {} if self.picture is None else {"picture": self.picture}
         return {**self.comparison.as_record(), **drawn}
 

@@ -67,7 +67,19 @@ class DetectedFiles:
     drawings: list[Path] | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish detect --json`` prints."""
+        """Return plain data: what ``cubicfish detect --json`` prints.
+
+        Keys:
+            file: the table of corners
+            image_size: [width, height]
+            images: how many photos have corners
+            corners: how many corners were found
+            findings: what looks wrong with the set-up, a record each
+            per_image: a record per photo: image, boards, corners, added (by the second look),
+                exact (whether names are certain), problem, notes, findings
+            drawings: the pictures that --draw wrote
+
+        """
         from cubicfish_cli.words.remarks import problem_of
 
         keys = ("boards", "corners", "added", "exact")

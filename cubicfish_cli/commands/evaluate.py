@@ -67,7 +67,21 @@ class EvaluatedFiles:
     verdict: Verdict
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish evaluate --json`` prints."""
+        """Return plain data: what ``cubicfish evaluate --json`` prints.
+
+        Keys:
+            those of :class:`~cubicfish.judge.fit_record.ErrorStatistics`
+            images: how many photos were used
+            outside_field: corners that were not counted, beyond where the camera may be trusted
+            unplaced: photos with too few corners to place them
+            photo_problems: photos that gave nothing and grids that were left out, a line each;
+                null where no photos were searched
+            remarks: what else is told, a record each: photos and grids that were left out
+            uncertainty: of the camera itself at these corners: median_px, p95_px, max_px; null
+                where its file does not say
+            per_image: a record per photo: image, its errors, corners, camera_from_world
+
+        """
         sigma = self.uncertainty
         uncertainty = {"uncertainty": None if sigma is None else sigma.as_record()}
         return {**self.evaluation.as_record(), **uncertainty, **self.inputs.remarks()}
@@ -152,8 +166,7 @@ def command(made: EvaluatedFiles, given: EvaluateOptions, how: How) -> None:
 def report_unplaced(photos: Sequence[str], of: str = "") -> None:
     """Say which photos could not be placed; ``of`` names the camera."""
     from cubicfish import Finding
-    from cubicfish.judge import Severity
-    from cubicfish.judge.codes import Code
+    from cubicfish.judge import Code, Severity
 
     too_few = Finding(code=Code.TOO_FEW_CORNERS, severity=Severity.CARE)
     report_left_out(dict.fromkeys(photos, too_few), of)

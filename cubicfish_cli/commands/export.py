@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from cubicfish import Run, UsageError
-from cubicfish.files import StrPath, write_files
+from cubicfish import Run, UsageError, did_you_mean, quoted
+from cubicfish.files import StrPath
 from cubicfish_cli.extension_guard import written_formats
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.plan import Plan
@@ -103,7 +103,22 @@ class ExportedFiles:
     warnings: tuple[str, ...] = ()
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish export --json`` prints."""
+        """Return plain data: what ``cubicfish export --json`` prints.
+
+        Keys:
+            file: what was written
+            format: its format
+            lens: the format's lens model (this and the rest not for --to maps)
+            rms_px: the RMS of the conversion
+            max_px: its largest error
+            max_angle_deg: the angle up to which these hold: how far corners reached
+            by_angle: a record a ring about the axis: from_deg, to_deg, rms_px, max_px
+            also: the errors in other ways of reading the file, where there are any
+            beyond: from_deg, to_deg, rms_px and max_px of the field where no corner was, if any
+            turned_deg: how far the frame was turned
+            lens_from_camera: that turn, a 3x3 matrix
+
+        """
         return self.record
 
 
@@ -124,9 +139,14 @@ def export_files(options: ExportOptions, *, run: Run = Run()) -> ExportedFiles:
         if to == "maps" and given is not None:
             raise UsageError(f"{name} is of lens models: --to maps holds the camera as it is")
     max_error = MAX_ERROR if options.max_error is None else options.max_error
-    usual = "undistort_map.npz" if to == "maps" else written_formats()[to].file_name
+    formats = written_formats()
+    if to != "maps" and to not in formats:
+        suggestion = did_you_mean(to, sorted({"maps", *formats}))
+        raise UsageError(f"no format is called {quoted(to)}: {suggestion}")
+    usual = "undistort_map.npz" if to == "maps" else formats[to].file_name
     goal = Path(options.output or usual)
-    Plan(run).reads(path).writes(goal)
+    plan = Plan(run).reads(path)
+    plan.writes(goal)
     loaded = load_camera(path)
     if to == "maps":
         if goal.suffix.lower() != ".npz":
@@ -136,7 +156,7 @@ def export_files(options: ExportOptions, *, run: Run = Run()) -> ExportedFiles:
     run.listener.progress("Fitting the other lens")
     lens = export_camera(loaded, to, max_error=max_error, max_angle_deg=options.max_angle_deg)
     text = lens.text
-    write_files({goal: text}, overwrite=run.overwrite)
+    plan.write({goal: text})
     warning = lens.warning(max_error)
     return ExportedFiles(
         files=[goal],

@@ -8,7 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish import Calibration, CameraFile, CubicfishError, FitError, did_you_mean, quoted
+from cubicfish import (
+    Calibration,
+    CameraFile,
+    CubicfishError,
+    FitError,
+    UsageError,
+    did_you_mean,
+    quoted,
+)
 from cubicfish.fit import Conversion, to_lens
 from cubicfish.rigs import RigCamera
 from cubicfish_cli import __version__
@@ -19,7 +27,7 @@ from cubicfish_cli.viewpoints.truth import rotation_matrix
 
 # Of formats of one tool, the one that follows decentred lenses best.
 _NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omni"}
-_BEHIND_DEG = 90.0
+_BEHIND_DEG, _BACK_DEG = 90.0, 180.0
 MAX_ERROR = 0.5
 """Default bound on how far a lens may be from the camera, pixels."""
 
@@ -85,12 +93,15 @@ def export_camera(
         ``text`` of the format's file; ``conversion`` with the lens and its ``error``, pixels.
 
     Raises:
+        UsageError: the angle is none.
         FitError: there is no such format, or its lens is farther from the camera than that.
 
     """
     known = written_formats()
     if to not in known:
         raise FitError(f"no format is called {quoted(to)}: {did_you_mean(to, sorted(known))}")
+    if max_angle_deg is not None and not 0 < max_angle_deg <= _BACK_DEG:
+        raise UsageError(f"max_angle_deg must be from 0 to {_BACK_DEG:g}, not {max_angle_deg}")
     camera, covered = calibrated.camera, calibrated.fit.covered_deg
     convert = partial(
         to_lens,

@@ -43,7 +43,35 @@ class CameraInfo:
     known: CameraFile | PointCameraFile
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish info --json`` prints."""
+        """Return plain data: what ``cubicfish info --json`` prints.
+
+        Keys:
+            title: what its owner called it with 'cubicfish calibrate --title'
+            summary: the camera in one line
+            image_size: [width, height]
+            focal_px: [x, y] pixels per radian on the axis
+            focal_sigma_px: one standard deviation of each
+            principal_point: [x, y] the axis's pixel
+            principal_point_sigma_px: one standard deviation of each
+            horizontal_deg: field of view that a photo shows, along the axis's row
+            vertical_deg: along its column
+            diagonal_deg: from corner to corner
+            max_angle_deg: how far from the axis the camera may be trusted
+            covered_deg: how far from it corners reach
+            pupil: as in calibrate's; null where it is not known
+            rms_px: reprojection error of the fit
+            held_out_rms_px: on photos that took no part in it
+            images: photos that it was made from
+            corners: corners that were used
+            verdict: level (good, care or bad), words, figures, and reasons, a record each, with
+                why: what and evidence in one
+            date: when it was made
+            version: of cubicfish, then
+            command: that made it
+            target: the target's file
+            model: the camera's file
+
+        """
         from cubicfish_cli.words.camera import verdict_record
 
         known = self.known

@@ -93,7 +93,19 @@ class MapFiles:
         return [ffmpeg_command(*both) for both in zip(pairs[::2], pairs[1::2], strict=True)]
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish map --json`` prints."""
+        """Return plain data: what ``cubicfish map --json`` prints.
+
+        Keys:
+            model: the camera's file
+            files: the map's files
+            extra_files: the virtual camera, and the mask where it was asked for
+            image_size: [width, height] of the photos that the map is for
+            view: what is shown: kind, size, words, parts (the six of a cube), hfov_deg and
+                vfov_deg where it has them, cut (whether the camera sees more than this kind can
+                show), and what else the kind has
+            ffmpeg: for .pgm, a command a part that applies the map
+
+        """
         return {
             "model": self.model,
             "files": self.own,

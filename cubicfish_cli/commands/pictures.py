@@ -56,7 +56,20 @@ class UndistortedFiles:
         return {name: str(why) for name, why in self.failures.items()}
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish undistort --json`` prints."""
+        """Return plain data: what ``cubicfish undistort --json`` prints.
+
+        Keys:
+            model: the camera's file
+            images: how many photos, videos or shots were rendered
+            files: the pictures or videos
+            skipped: those whose result existed (with --skip-existing)
+            failed: those that could not be rendered, a record each: image, problem
+            view: of the first one: what is shown: kind, size, words, parts (the six of a cube),
+                hfov_deg and vfov_deg where it has them, cut (whether the camera sees more than
+                this kind can show), and what else the kind has; null where nothing was rendered
+            extra_files: the mask and the virtual camera, where they were asked for
+
+        """
         return {
             **({} if self.model is None else {"model": self.model}),
             "images": len(self.written),
@@ -71,8 +84,7 @@ class UndistortedFiles:
 def _record_failure(name: str, error: CubicfishError) -> dict[str, Any]:
     """Return a failure as plain data: a finding, and its name and problem."""
     from cubicfish import Finding
-    from cubicfish.judge import Severity
-    from cubicfish.judge.codes import Code
+    from cubicfish.judge import Code, Severity
     from cubicfish_cli.words.sentences import record_of, render_error
 
     problem = render_error(error)

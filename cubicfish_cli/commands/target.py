@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish import OutputError, Run, UsageError
-from cubicfish.files import StrPath, write_files
+from cubicfish.files import StrPath
 from cubicfish_cli.core_table import COMMANDS, commands_of
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.inputs.target_source import target_in
@@ -77,7 +77,25 @@ class TargetCheck:
     drawing: Path | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data for JSON."""
+        """Return plain data for JSON.
+
+        Keys:
+            units: of all lengths
+            boards: a record per board: its keys in target.yaml, columns, rows, square, print,
+                and where it faces
+            corners: how many corners the target has
+            planes: on how many planes they are
+            flat: whether all corners are on one plane
+            named_by: what names corners in photos: markers, geometry or table
+            ambiguous: whether boards, or the whole target, can be mistaken for something else
+            symmetries: turns that take the target onto itself
+            look_alikes: groups of boards that look the same in photos; of one: it does when
+                turned
+            crossing: pairs of boards that cut through each other
+            advice: what to do, a record each: about, text
+            drawing: the file of --draw, where it was asked for
+
+        """
         return {
             "units": self.target.units,
             "boards": [_record_board(board) for board in self.target.boards],
@@ -140,21 +158,21 @@ def check_target_files(options: CheckOptions, *, run: Run = Run()) -> TargetChec
         OutputError: the drawing exists and may not be replaced, or has another suffix.
 
     """
-    path = path_or_none(options.drawing)
+    path, plan = path_or_none(options.drawing), Plan(run).reads(options.target)
     if path is None and run.overwrite:
         raise UsageError("--overwrite goes with --draw, which writes a file: leave it out")
     if path is not None:
         if path.suffix.lower() != ".svg":
             raise OutputError(f"{path}: drawings are SVG: end the name in .svg")
         extra.require(extra.PRINTING, "a drawing")
-        Plan(run).reads(options.target).writes(path)
+        plan.writes(path)
     loaded = target_in(options.target).as_printed()
     run.listener.progress("Looking at the target from all sides")
     checked = check_target(loaded)
     if path is not None:
         with extra.quiet():
             from cubicfish_cli.render.target_drawing import object_svg
-        write_files({path: object_svg(loaded)}, overwrite=run.overwrite)
+        plan.write({path: object_svg(loaded)})
     return replace(checked, drawing=path)
 
 

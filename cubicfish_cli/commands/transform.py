@@ -81,7 +81,14 @@ class TransformedFile:
     camera: CameraFile
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish transform --json`` prints."""
+        """Return plain data: what ``cubicfish transform --json`` prints.
+
+        Keys:
+            model: the camera file
+            image_size: [width, height] of the other photos
+            rms_px: the RMS of the calibration, in the other photos' pixels
+
+        """
         size, rms_px = self.camera.camera.image_size, self.camera.fit.rms_px
         return {"model": self.file, "image_size": size, "rms_px": rms_px}
 

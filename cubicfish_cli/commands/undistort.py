@@ -88,6 +88,8 @@ class PictureOptions:
         files = [] if self.mask is None else [*self.results(Path(self.mask)).values()]
         if self.virtual_camera is not None:
             camera = Path(self.virtual_camera)
+            if not camera.name:
+                raise UsageError("--camera must be the name of a file")
             files += [camera_path(camera, part) for part in self.parts]
         return files
 

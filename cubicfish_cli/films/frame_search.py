@@ -24,8 +24,7 @@ from cubicfish import (
     Run,
     Target,
 )
-from cubicfish.judge import Severity
-from cubicfish.judge.codes import Code
+from cubicfish.judge import Code, Severity
 from cubicfish.observe import Glances, find_corners
 from cubicfish.photos import Photo
 from cubicfish.sufficiency import InformationGain

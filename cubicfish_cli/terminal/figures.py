@@ -154,7 +154,7 @@ def corners_by_board(corners: Observations) -> dict[str, dict[str, int]]:
 
 def lost_word(photo: PhotoReport) -> str:
     """A word for why a photo gave no corners."""
-    from cubicfish.judge.codes import Code
+    from cubicfish.judge import Code
 
     why = photo.refusal.code if photo.refusal is not None else None
     if why in (Code.OTHER_SIZE, Code.CANNOT_BE_READ):

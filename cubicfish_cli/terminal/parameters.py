@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 import click
 from click.core import ParameterSource
 
-from cubicfish import CameraFileError, UsageError, quoted
+from cubicfish import CameraFileError, CubicfishError, UsageError, quoted
+from cubicfish.arguments import refuse_misfit
 from cubicfish_cli.inputs.paths import in_folder
 
 if TYPE_CHECKING:
@@ -275,9 +276,27 @@ def as_command(
 
         params = options.parameters() + ways.parameters()
         shown = {"short_help": short_help, "epilog": examples(*lines), **more}
-        return common_options(click.command(name, params=params, **shown)(command))
+        made = common_options(click.command(name, params=params, **shown)(command))
+        vars(made)["do"] = do  # whose result says what --json prints
+        return made
 
     return decorate
+
+
+def _saying_what_misfits(kind: type) -> Callable[[Any], None]:
+    """A record's own check, in which a field of another kind may end in any error of Python's."""
+    check: Callable[[Any], None] = vars(kind)["__post_init__"]
+
+    def check_or_explain(made: Any) -> None:
+        try:
+            check(made)
+        except CubicfishError:
+            raise
+        except (AttributeError, TypeError, ValueError):
+            refuse_misfit(kind.__name__, made, kind)
+            raise
+
+    return check_or_explain
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)
@@ -292,6 +311,8 @@ def record(kind: type[Kind]) -> type[Kind]:
             setattr(kind, name, one.default)
     checked: Any = kind
     checked.checked_fields = True
+    if "__post_init__" in vars(kind):
+        checked.__post_init__ = _saying_what_misfits(kind)
     setattr(kind, _OPTIONS, {**getattr(kind, _OPTIONS, {}), **options})
     return dataclass(frozen=True, kw_only=True)(kind)
 

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from cubicfish import listed
-from cubicfish.judge.codes import Code
-from cubicfish.judge.finding import FindingText as Said
+from cubicfish.judge import Code
+from cubicfish.judge import FindingText as Said
 from cubicfish_cli.words.phrases import pick, plural, whole
 from cubicfish_cli.words.set_up import CORRECT
 from cubicfish_cli.words.table import Words

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
-from cubicfish.judge.codes import Code
-from cubicfish.judge.finding import FindingText as Said
+from cubicfish.judge import Code
+from cubicfish.judge import FindingText as Said
 from cubicfish_cli.words.phrases import pick, plural
 from cubicfish_cli.words.set_up import COUNTS, MIRROR
 from cubicfish_cli.words.table import Words

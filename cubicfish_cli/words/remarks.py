@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from cubicfish import Finding, listed
 from cubicfish.find import PhotoReport
-from cubicfish.judge.codes import Code
+from cubicfish.judge import Code
 from cubicfish_cli.words.sentences import render
 
 # Figures of a grid, in which those that share the rest may differ.

@@ -9,7 +9,7 @@ from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 from cubicfish import CubicfishError, Finding
-from cubicfish.judge.finding import FindingText
+from cubicfish.judge import FindingText
 from cubicfish_cli.extension_guard import Place, extensions
 from cubicfish_cli.words import events, fit, photos, set_up
 from cubicfish_cli.words.table import Words

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 from cubicfish import listed
-from cubicfish.judge.codes import Code
-from cubicfish.judge.finding import FindingText as Said
+from cubicfish.judge import Code
+from cubicfish.judge import FindingText as Said
 from cubicfish_cli.words.phrases import percent, pick, plural, whole
 from cubicfish_cli.words.table import Words
 

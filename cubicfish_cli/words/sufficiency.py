@@ -1,8 +1,7 @@
 """Whether photos are enough, and which parts of the picture they leave empty, in words."""
 
 from cubicfish import CubicCamera, Observations
-from cubicfish.judge import CameraFacts
-from cubicfish.judge.codes import Code
+from cubicfish.judge import CameraFacts, Code
 from cubicfish.sufficiency import CoverageGaps, Goal
 from cubicfish_cli.words.sentences import render
 

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from cubicfish.judge.finding import FindingText
+from cubicfish.judge import FindingText
 
 _Finding = TypeVar("_Finding", bound=Callable[..., FindingText])
 _Text = TypeVar("_Text", bound=Callable[..., str])
+_Any = TypeVar("_Any")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,27 +33,20 @@ class Words:
 
     def finding(self, code: str, *cases: str) -> Callable[[_Finding], _Finding]:
         """Make a function the one of a code, of these cases or of the plain one."""
-
-        def put(function: _Finding) -> _Finding:
-            self.findings.update(((code, case), function) for case in cases or ("",))
-            return function
-
-        return put
+        return _registrar(self.findings, *((code, case) for case in cases or ("",)))
 
     def because(self, kind: str) -> Callable[[_Text], _Text]:
         """Make a function the one of a kind of evidence."""
-
-        def put(function: _Text) -> _Text:
-            self.evidence[kind] = function
-            return function
-
-        return put
+        return _registrar(self.evidence, kind)
 
     def event(self, event: str) -> Callable[[_Text], _Text]:
         """Make a function the one of an event."""
+        return _registrar(self.events, event)
 
-        def put(function: _Text) -> _Text:
-            self.events[event] = function
-            return function
 
-        return put
+def _registrar(table: dict[Any, Any], *keys: Any) -> Callable[[_Any], _Any]:
+    def put(function: _Any) -> _Any:
+        table.update(dict.fromkeys(keys, function))
+        return function
+
+    return put

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import click
 import pytest
+import yaml
 from command_tree import commands
 from running import SAMPLE, invoke_cli
 from running import Run as RunCommand
 
 from cubicfish import OutputError, Run
 from cubicfish.photos import Photo
-from cubicfish.rigs.rig import rig_text
 from cubicfish_cli.plan import Plan
 
 READ = "read here, and would be replaced"
@@ -291,7 +291,8 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
         place = {"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "translation": [9.0, 0.0, 0.0]}
         path = f"{name}/camera.yaml"
         cameras.append({"name": name, "camera": path, "camera_from_rig": place})
-    (folder / "rig.yaml").write_text(rig_text({"units": "mm", "cameras": cameras}))
+    rig = {"cubicfish_rig": 1, "units": "mm", "cameras": cameras}
+    (folder / "rig.yaml").write_text(yaml.safe_dump(rig))
     return folder
 
 
@@ -476,6 +477,32 @@ def test_outputs_that_exist_are_left_out_where_that_is_asked_for(tmp_path: Path)
         Plan(Run(), skip_existing=False).writes(old, new)
     with pytest.raises(OutputError, match=r"exists already.*overwrite=True$"):
         Plan(Run()).writes(old, new)
+
+
+def test_what_was_planned_is_written_and_nothing_else(plan: Plan, tmp_path: Path) -> None:
+    new, none, other, left, mine = (
+        tmp_path / name for name in ("new.txt", "none.txt", "other.txt", "left.txt", "mine.txt")
+    )
+    for old in (left, mine):
+        old.touch()
+    plan.reads(mine).writes(new, none)
+    plan.leaves(left, mine, none)
+    assert plan.write({new: "words", none: None}) == [new]
+    assert plan.removed == [left]
+    assert sorted(tmp_path.iterdir()) == sorted([new, mine])
+    with pytest.raises(AssertionError, match="not planned"):
+        plan.write({other: "words"})
+    assert not other.exists()
+
+
+def test_what_an_earlier_run_left_stays_where_nothing_may_be_replaced(tmp_path: Path) -> None:
+    (tmp_path / "left.txt").touch()
+    plan = Plan(Run())
+    plan.writes(tmp_path / "new.txt")
+    plan.leaves(tmp_path / "left.txt")
+    plan.write({tmp_path / "new.txt": "words"})
+    assert plan.removed == []
+    assert (tmp_path / "left.txt").exists()
 
 
 def test_an_output_leads_out_of_no_folder(plan: Plan, tmp_path: Path) -> None:

@@ -78,6 +78,11 @@ def test_every_name_of_the_program_is_in_its_table_and_no_other() -> None:
     assert sorted(name for name in named if name not in library) == own
 
 
+def inside(thing: Any) -> Any:
+    """What is behind the check of arguments."""
+    return thing.__wrapped__ if hasattr(thing, "checked_arguments") else thing
+
+
 def test_every_public_name_is_on_the_page_of_functions() -> None:
     page = (Path(__file__).parents[2] / "docs" / "api.md").read_text(encoding="utf-8")
     shown = [place.rpartition(".") for place in re.findall(r"^::: (\S+)$", page, re.MULTILINE)]

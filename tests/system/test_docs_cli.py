@@ -1,18 +1,21 @@
 """docs/cli.md is what the commands say, and every command line in help and documents parses."""
 
-import importlib.util
 import os
 import re
 import shlex
+from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
 
 import click
 import pytest
 from command_tree import Words, commands, parse, shell_blocks, uses
+from reference import keys_of, load_script
 from running import Run
 
 import cubicfish_cli
+from cubicfish.judge import FitRecord
+from cubicfish.judge.records import key_of
 
 ROOT = Path(__file__).parents[2]
 TREE = list(commands())
@@ -25,19 +28,9 @@ def name(value: object) -> str:
     return " ".join(value) if isinstance(value, tuple) else "command"
 
 
-def load() -> ModuleType:
-    """The script that makes the page."""
-    spec = importlib.util.spec_from_file_location("docs_cli", ROOT / "docs" / "cli.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture(scope="module")
 def made() -> ModuleType:
-    return load()
+    return load_script()
 
 
 def sections(text: str) -> dict[str, str]:
@@ -57,7 +50,7 @@ def test_the_page_depends_on_nothing_here(
     monkeypatch.setenv("LANG", "de_DE.UTF-8")
     monkeypatch.setenv("CUBICFISH_MODEL", "other.yaml")
     monkeypatch.setattr(os, "cpu_count", lambda: 77)
-    assert load().page() == before
+    assert load_script().page() == before
 
 
 @pytest.mark.parametrize(("words", "command"), TREE[1:], ids=name)
@@ -84,22 +77,29 @@ def test_the_page_has_every_command_and_all_its_parameters(
     assert "**Examples**" in section
 
 
-@pytest.mark.parametrize(
-    ("line", "other", "named"),
-    [("[map]", "[elsewhere]", "[map]"), ("findings =", "others =", "'findings'")],
-)
-def test_keys_that_are_described_nowhere_are_named(
-    made: ModuleType, line: str, other: str, named: str,
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
-) -> None:  # fmt: skip
-    keys = (ROOT / "docs" / "json_keys.toml").read_text(encoding="utf-8")
-    assert f"\n{line}" in keys
-    lacking = keys.replace(f"\n{line}", f"\n{other}")
-    (tmp_path / "json_keys.toml").write_text(lacking, encoding="utf-8")
-    monkeypatch.setattr(made, "PAGE", tmp_path / "cli.md")
-    with pytest.raises(SystemExit, match=rf"lacks the .*{re.escape(named)}") as ended:
-        made.page()
+def test_a_result_that_does_not_say_its_keys_is_named(made: ModuleType) -> None:
+    def give() -> "Nothing": ...
+
+    command = click.Command("give")
+    vars(command)["do"] = give
+    with pytest.raises(SystemExit, match=r"the result of .*give does not say its 'Keys'") as ended:
+        made.json_keys(command)
     assert "\n" not in str(ended.value)
+
+
+class Nothing:
+    """A result whose keys nobody knows."""
+
+    def as_record(self) -> dict[str, int]:
+        """Return plain data."""
+        return {}
+
+
+def test_keys_are_those_of_the_records_within(made: ModuleType) -> None:
+    keys = keys_of("calibrate")
+    assert {key_of(one) for one in fields(FitRecord)} < keys.keys()
+    assert keys["dropped_corners"].endswith(": image, board, column, row, error_px")
+    assert "cause" not in keys["findings"]
 
 
 def test_links_within_the_page_lead_somewhere(made: ModuleType) -> None:

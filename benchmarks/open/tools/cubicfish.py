@@ -37,9 +37,11 @@ def project(model, points):
 def detect(file, job):
     """``cubicfish detect`` of all photos, once: it looks again where its own fit expects more."""
     if not hasattr(job, "own"):
-        table = job.path.parent / f"own_{os.getpid()}.csv"
-        photos = [one[1] for one in job.photos]
-        save_corners(table, detect_all(photos, Target.load(job.target)).corners)
+        table = job.path.parent / "table.csv"  # there if cubicfish made the table for all
+        if not table.exists():
+            table = table.with_name(f"own_{os.getpid()}.csv")
+            photos = [one[1] for one in job.photos]
+            save_corners(table, detect_all(photos, Target.load(job.target)).corners)
         grids = [job.grid(board) for board in range(len(job.boards))]
         job.own = read_table(table, [board["name"] for board in job.boards], grids)[1]
     return job.own.get(Path(file).name, (np.zeros(0, int), np.zeros((0, 2))))

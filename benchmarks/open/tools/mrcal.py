@@ -10,7 +10,7 @@ NEEDS = ("mrcal", "apt-get install python3-mrcal python3-scipy")
 VARIANTS = {"mrcal OPENCV8": 1, "mrcal splined": 1}
 EXPORT = "its own .cameramodel, without loss"
 SPLINES = "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=10_Ny=8_fov_x_deg={:.0f}"
-FOCALS = np.geomspace(0.12, 1.2, 10)  # to try for the seed, as shares of the width
+FOCALS = np.geomspace(0.15, 1.2, 6)  # to try for the seed, as shares of the width
 STILL = {"intrinsics_distortions": False, "extrinsics": False, "calobject_warp": False}
 
 

@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+from job import PLAUSIBLE
 
 PACKAGES = ["opencv-contrib-python-headless<5", "scipy"]
 VARIANTS = {"OpenCV fisheye": 3, "OpenCV omnidir": 1}
@@ -11,7 +12,6 @@ GUESSES = (None, 0.33, 0.2)  # focal length by start, as a share of the width; N
 # Its fisheye starts from a homography, which corners near 90° break: in later starts those are
 # taken away, from the rim inwards, until it fits. All corners count in the errors all the same.
 SHARES = (1.0, 0.95, 0.9, 0.85, 0.8, 0.7, 0.6)
-PLAUSIBLE = 0.005  # an RMS above so much of the width is a fit that went astray
 
 
 def fit(job, variant, start):

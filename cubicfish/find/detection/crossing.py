@@ -281,7 +281,7 @@ def _measure_sides(fit: LocalFit) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _State(Rows):
-    """Best fit so far of n corners."""
+    """Best fit so far of n corners, what is fitted to beside the pixels, and what is tried next."""
 
     shape: FloatArray  # (n, 7) shift u, v (px), turn u, v (radians), log blur u, v, half gap (px)
     levels: FloatArray  # (n, 4) grey levels of the quadrants (+,+), (-,+), (-,-), (+,-)
@@ -292,17 +292,6 @@ class _State(Rows):
     )
     right: FloatArray  # (n, 7) the same
     last_move: FloatArray  # (n,) px
-
-    def put(self, rows: IntArray | BoolArray, other: _State) -> None:
-        """Put the fits of some rows in their place."""
-        for one in fields(self):
-            getattr(self, one.name)[rows] = getattr(other, one.name)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Task(Rows):
-    """What is fitted to at n corners, beside the pixels, and how."""
-
     mean: FloatArray  # (n, 7) of the prior
     spread: FloatArray  # (n, 7)
     dark_first: BoolArray  # (n,)
@@ -311,6 +300,11 @@ class _Task(Rows):
     sigma2: FloatArray  # (n,)
     damping: FloatArray  # (n,)
     trial: FloatArray  # (n, 7) the next shape to try
+
+    def put(self, rows: IntArray | BoolArray, other: _State) -> None:
+        """Put the fits of some rows in their place."""
+        for one in fields(self):
+            getattr(self, one.name)[rows] = getattr(other, one.name)
 
 
 def _minimise(frame: _Frame, noise: float, gap: Gaps) -> _State:
@@ -326,8 +320,6 @@ def _minimise(frame: _Frame, noise: float, gap: Gaps) -> _State:
         data=np.zeros((count, _UNKNOWNS, _UNKNOWNS)),
         right=np.zeros((count, _UNKNOWNS)),
         last_move=np.full(count, np.inf),
-    )
-    task = _Task(
         mean=mean,
         spread=spread,
         dark_first=_is_dark_first(frame),
@@ -338,48 +330,47 @@ def _minimise(frame: _Frame, noise: float, gap: Gaps) -> _State:
     )
     active, done = np.arange(count), state
     for round_ in range(_ROUNDS):
-        going = _take_round(frame, task, state, round_ in (1, 4), noise)
+        going = _take_round(frame, state, round_ in (1, 4), noise)
         if going.all():
             continue
         done.put(active[~going], state.select(~going))
-        active, frame = active[going], frame.select(going)
-        task, state = task.select(going), state.select(going)
+        active, frame, state = active[going], frame.select(going), state.select(going)
         if not len(active):
             break
     done.put(active, state)
     return done
 
 
-def _take_round(frame: _Frame, task: _Task, state: _State, tells: bool, noise: float) -> BoolArray:
+def _take_round(frame: _Frame, state: _State, tells: bool, noise: float) -> BoolArray:
     """Try the next shapes, keep what is better, and choose the next: where it moves on (n,).
 
     ``tells``: the misfit tells by now how well the model can do.
     """
-    levels, squares, data, right = _fit_levels(task.trial, task.dark_first, frame)
-    misfit2 = squares / task.freedom
+    levels, squares, data, right = _fit_levels(state.trial, state.dark_first, frame)
+    misfit2 = squares / state.freedom
     if tells:
-        task.sigma2[:] = np.maximum(misfit2, noise**2)
+        state.sigma2[:] = np.maximum(misfit2, noise**2)
         state.cost[:] = np.inf
-    cost = squares / task.sigma2 + np.square((task.mean - task.trial) / task.spread).sum(1)
+    cost = squares / state.sigma2 + np.square((state.mean - state.trial) / state.spread).sum(1)
     better = cost < state.cost
-    found = (task.trial, levels, cost, np.sqrt(misfit2), data, right)
+    found = (state.trial, levels, cost, np.sqrt(misfit2), data, right)
     kept = (state.shape, state.levels, state.cost, state.misfit, state.data, state.right)
     for old, new in zip(kept, found, strict=True):
         if better.all():
             old[:] = new
         else:
             old[better] = new[better]
-    now = task.damping
+    now = state.damping
     now[:] = np.where(better, np.maximum(0.2 * now, 1e-4), np.maximum(10 * now, 0.3))
 
-    normal = state.data / task.sigma2[:, None, None]
+    normal = state.data / state.sigma2[:, None, None]
     diagonal = np.einsum("nii->ni", normal)
-    diagonal += task.spread**-2.0
+    diagonal += state.spread**-2.0
     diagonal *= 1 + now[:, None]
-    wanted = state.right / task.sigma2[:, None] + (task.mean - state.shape) / task.spread**2
+    wanted = state.right / state.sigma2[:, None] + (state.mean - state.shape) / state.spread**2
     move = np.linalg.solve(normal, wanted[..., None])[..., 0]
     move = np.clip(move, -_LONGEST_STEP, _LONGEST_STEP)
-    np.add(state.shape, move, out=task.trial)
+    np.add(state.shape, move, out=state.trial)
     size = np.abs(move)
     state.last_move[:] = size[:, :2].max(1)
     return np.asarray((state.last_move > _CONVERGED) | (size[:, 4:6].max(1) > _BLUR_CONVERGED))

@@ -8,10 +8,9 @@ scales (`follow.py`).
 
 from __future__ import annotations
 
-import copy
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +18,6 @@ import numpy.typing as npt
 from cubicfish.find.detection.follow import SAME, SMALL_PX, follow, in_order, size_of
 from cubicfish.find.detection.grids import FoundGrids
 from cubicfish.find.detection.ladder import Box, Ladder, join_boxes
-from cubicfish.find.detection.lattice import Lattice
 from cubicfish.find.detection.nearby import nearest
 from cubicfish.find.detection.pyramid import (
     CLOSE,
@@ -48,26 +46,6 @@ _MOST_SHARED = 0.5
 _GOOD_PART = 0.125
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Found:
-    """A grid with the zoom at which it was seen."""
-
-    seen: Seen
-    zoom: float
-
-    def pixel(self) -> FloatArray:
-        """Its corners (N, 2), pixels of the photo."""
-        lattice = self.seen.lattice
-        return enlarged(lattice.at(lattice.cells()), self.zoom)
-
-    def at(self, zoom: float) -> Lattice:
-        """Its corners in pixels of another zoom."""
-        lattice = copy.deepcopy(self.seen.lattice)
-        lattice.make_room()
-        lattice.pixel = enlarged(lattice.pixel, self.zoom / zoom)
-        return lattice
-
-
 def find_grids(
     image: npt.NDArray[np.generic], boards: Sequence[tuple[int, int]] = ()
 ) -> FoundGrids:
@@ -92,17 +70,17 @@ def find_grids(
     ladder = Ladder(image=image)
     sizes = [in_order(board) for board in boards]
     found, refused = _search_scales(ladder, sizes)
-    followed = (follow(ladder, one.seen, one.zoom, sizes) for one in found)
+    followed = (follow(ladder, one, sizes) for one in found)
     grids = sorted((grid for grid in followed if grid is not None), key=lambda grid: -len(grid))
     return FoundGrids(grids=tuple(grids), refused=refused, image_size=size)
 
 
 def _search_scales(
     ladder: Ladder, sizes: Sequence[tuple[int, int]]
-) -> tuple[list[_Found], FloatArray]:
+) -> tuple[list[Seen], FloatArray]:
     """Grids, each at the coarsest scale that shows it, and candidates (N, 2) of none, pixels."""
     zoom, result = _search_coarse(ladder)
-    found = [_Found(seen=seen, zoom=zoom) for seen in result.grids]
+    found = list(result.grids)
     refused = enlarged(result.refused.pixel, zoom)
     boxes = _choose_boxes(ladder, [result], zoom, found)
     for finer in ladder.finer(zoom):
@@ -112,12 +90,12 @@ def _search_scales(
         if finer == CLOSE or (found and not sizes):
             results = [_search_box(ladder, box, finer) for box in boxes]
         else:
-            results = [search(ladder.at(finer), [one.at(finer) for one in found])]
+            results = [search(ladder.at(finer), finer, [one.at(finer) for one in found])]
             if not found:
                 refused = enlarged(results[0].refused.pixel, finer)
         for part in results:
             likely = [one for one in part.grids if _is_beyond_chance(one, finer / zoom, result)]
-            found += _find_new(found, [_Found(seen=seen, zoom=finer) for seen in likely])
+            found += _find_new(found, likely)
         boxes = _choose_boxes(ladder, results, finer, found)
     return found, refused
 
@@ -125,10 +103,10 @@ def _search_scales(
 def _search_coarse(ladder: Ladder) -> tuple[float, SearchResult]:
     """What the photo shows at its coarsest zoom, or at twice that where only this shows grids."""
     zoom: float = ladder.coarsest
-    result = search(ladder.at(zoom))
+    result = search(ladder.at(zoom), zoom)
     if result.grids or not ladder.is_possible(2 * zoom):
         return zoom, result
-    coarser = search(ladder.at(2 * zoom))
+    coarser = search(ladder.at(2 * zoom), 2 * zoom)
     # Chance had a try for each crossing that the finer scale shows.
     kept = [one for one in coarser.grids if _is_beyond_chance(one, 2.0, result)]
     return (2 * zoom, replace(coarser, grids=kept)) if kept else (zoom, result)
@@ -143,7 +121,7 @@ def _search_box(ladder: Ladder, box: Box, zoom: float) -> SearchResult:
         return NOTHING_SEEN
     pyramid = build_pyramid(small)
     gain = ladder.at(zoom).gain / pyramid.gain
-    return search(pyramid).moved(np.array([left, top]) / zoom, gain)
+    return search(pyramid, zoom).moved(np.array([left, top]) / zoom, gain)
 
 
 def _is_beyond_chance(seen: Seen, zoom: float, everywhere: SearchResult) -> bool:
@@ -152,7 +130,7 @@ def _is_beyond_chance(seen: Seen, zoom: float, everywhere: SearchResult) -> bool
 
 
 def _choose_boxes(
-    ladder: Ladder, results: Sequence[SearchResult], zoom: float, found: Sequence[_Found]
+    ladder: Ladder, results: Sequence[SearchResult], zoom: float, found: Sequence[Seen]
 ) -> list[Box]:
     """Where searches at a zoom saw pieces of squares too small to be sure of, far from any grid.
 
@@ -168,34 +146,29 @@ def _choose_boxes(
     return join_boxes(boxes)
 
 
-def _is_beside(pixel: FloatArray, one: _Found) -> bool:
+def _is_beside(pixel: FloatArray, one: Seen) -> bool:
     """Whether some pixels (N, 2) of the photo lie within a grid or next to it."""
-    lattice = one.seen.lattice
-    side = one.zoom * lattice.fit(lattice.cells()).side
-    distance, index = nearest(pixel, one.pixel(), 1)
-    return bool((distance[:, 0] < _BESIDE * side[index[:, 0]]).any())
+    distance, index = nearest(pixel, one.pixel, 1)
+    return bool((distance[:, 0] < _BESIDE * one.side[index[:, 0]]).any())
 
 
-def _find_new(found: Sequence[_Found], more: Sequence[_Found]) -> list[_Found]:
+def _find_new(found: Sequence[Seen], more: Sequence[Seen]) -> list[Seen]:
     """Those of some grids that are not found yet."""
     if not found:
         return list(more)
-    known = np.concatenate([one.pixel() for one in found])
-    new = []
-    for one in more:
-        lattice = one.seen.lattice
-        side = one.zoom * lattice.fit(lattice.cells()).side
-        if (nearest(one.pixel(), known, 1)[0][:, 0] < SAME * side).mean() < _MOST_SHARED:
-            new.append(one)
-    return new
+    known = np.concatenate([one.pixel for one in found])
+    return [
+        one for one in more
+        if (nearest(one.pixel, known, 1)[0][:, 0] < SAME * one.side).mean() < _MOST_SHARED
+    ]  # fmt: skip
 
 
-def _are_all_seen(found: Sequence[_Found], sizes: Sequence[tuple[int, int]]) -> bool:
+def _are_all_seen(found: Sequence[Seen], sizes: Sequence[tuple[int, int]]) -> bool:
     """Whether some boards are among the grids: all corners of each, or a good part of as many."""
     if not sizes:
         return False
-    seen = (size_of(one.seen.lattice) for one in found)
+    seen = (size_of(one.lattice) for one in found)
     whole = Counter(size for size in seen if size is not None)
     least = _GOOD_PART * min(columns * rows for columns, rows in sizes)
-    parts = sum(int(one.seen.lattice.known.sum()) >= least for one in found)
+    parts = sum(int(one.lattice.known.sum()) >= least for one in found)
     return parts >= len(sizes) or not Counter(sizes) - whole

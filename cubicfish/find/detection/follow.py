@@ -79,22 +79,20 @@ class _Places(Rows):
         return cls(pixel=enlarged(found.pixel, zoom), window=window)
 
 
-def follow(
-    ladder: Ladder, seen: Seen, zoom: float, sizes: Collection[tuple[int, int]]
-) -> Grid | None:
+def follow(ladder: Ladder, seen: Seen, sizes: Collection[tuple[int, int]]) -> Grid | None:
     """Complete and refine a grid.
 
     Args:
         ladder: the photo.
         seen: the grid, which is used up.
-        zoom: where it was seen.
         sizes: of the boards that there may be: what is as large as one is whole.
 
     Returns:
         The grid in pixels of the photo; None where too little of it stays.
 
     """
-    lattice, places = seen.lattice, [_Places.of(seen.found, zoom)]
+    lattice, zoom = seen.lattice, seen.zoom
+    places = [_Places.of(seen.found, zoom)]
     last = np.ceil(np.median(places[0].window) / LARGEST_HALF)
     last = min(max(float(last), ladder.finest), zoom)
     if np.median(least_window(seen.found)) > USUAL_HALF and ladder.is_possible(2 * zoom):

@@ -142,7 +142,7 @@ def bilinear(image: Float32Array, points: FloatArray, scale: float = 1.0) -> Flo
     return result
 
 
-def estimate_noise(image: Float32Array) -> float:
+def estimate_noise(image: npt.NDArray[np.generic]) -> float:
     """Standard deviation of white pixel noise: the median of a Laplacian-like filter.
 
     The filter (Immerkaer, "Fast noise variance estimation", 1996) is blind to planes and to
@@ -157,7 +157,7 @@ def estimate_noise(image: Float32Array) -> float:
     for y, down in enumerate((1, -2, 1)):
         for x, across in enumerate((1, -2, 1)):
             part = image[y : height - 2 + y : every, x : width - 2 + x : every]
-            filtered += np.float32(down * across) * part
+            filtered += np.float32(down * across) * np.asarray(part, np.float32)
     sampled = np.abs(filtered)
     counted = sampled[sampled > 0]
     if counted.size < 0.05 * sampled.size:
@@ -184,6 +184,14 @@ def build_pyramid(grey: npt.NDArray[np.generic]) -> Pyramid:
     # Rounding to whole grey levels is noise of 1/sqrt(12) of a level; 0.5 to be on the safe side.
     noise = max(estimate_noise(image), 0.5 * quantum)
     return Pyramid(levels=Levels(image), noise=noise, gain=gain)
+
+
+def measure_noise(grey: npt.NDArray[np.generic]) -> tuple[float, float]:
+    """Noise and gain of the pyramid of a photo, which is not made where its pixels are bytes."""
+    if grey.dtype == np.uint8:
+        return max(estimate_noise(grey), 0.5), 1.0
+    pyramid = build_pyramid(grey)
+    return pyramid.noise, pyramid.gain
 
 
 def reduced(image: npt.NDArray[np.generic], zoom: float) -> npt.NDArray[np.generic]:

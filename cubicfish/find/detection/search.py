@@ -22,7 +22,7 @@ from cubicfish.find.detection.growth import clean, grow, measure_contrast
 from cubicfish.find.detection.lattice import Lattice, window
 from cubicfish.find.detection.links import Patch, find_patches
 from cubicfish.find.detection.nearby import nearest
-from cubicfish.find.detection.pyramid import Pyramid
+from cubicfish.find.detection.pyramid import Pyramid, enlarged
 from cubicfish.find.detection.refine import measures, refine_pixels, whole_corners
 from cubicfish.find.detection.seeds import SURE_CORNERS, find_promising
 from cubicfish.types import BoolArray, FloatArray, IntArray
@@ -50,11 +50,30 @@ class Seen:
     Attributes:
         lattice: its corners, pixels of that scale.
         found: their fits, in the order of the lattice's cells.
+        zoom: how many times smaller the photo is at that scale.
 
     """
 
     lattice: Lattice
     found: Crossings
+    zoom: float
+
+    @property
+    def pixel(self) -> FloatArray:
+        """Its corners (N, 2), pixels of the photo."""
+        return enlarged(self.lattice.at(self.lattice.cells()), self.zoom)
+
+    @property
+    def side(self) -> FloatArray:
+        """Sides of the squares at its corners (N,), pixels of the photo."""
+        return self.zoom * self.lattice.fit(self.lattice.cells()).side
+
+    def at(self, zoom: float) -> Lattice:
+        """Its corners in pixels of another zoom."""
+        lattice = copy.deepcopy(self.lattice)
+        lattice.make_room()
+        lattice.pixel = enlarged(lattice.pixel, self.zoom / zoom)
+        return lattice
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,7 +102,7 @@ class SearchResult:
             lattice.pixel += shift
             lattice.contrast *= gain
             found = replace(one.found, pixel=one.found.pixel + shift)
-            grids.append(Seen(lattice=lattice, found=found))
+            grids.append(replace(one, lattice=lattice, found=found))
         refused = replace(
             self.refused, pixel=self.refused.pixel + shift, contrast=self.refused.contrast * gain
         )
@@ -91,21 +110,24 @@ class SearchResult:
         return SearchResult(grids=grids, refused=refused, pieces=pieces, grown=self.grown)
 
 
+_Fitted = tuple[Lattice, Crossings]
+"""A grid, and the fits of those of its corners that stand for all."""
 _NO_CORNERS = XCorners(
     pixel=np.zeros((0, 2)), angle=np.zeros((0, 4)), radius=np.zeros(0), contrast=np.zeros(0)
 )
 NOTHING_SEEN = SearchResult(grids=[], refused=_NO_CORNERS, pieces=[])
 
 
-def search(pyramid: Pyramid, known: Sequence[Lattice] = ()) -> SearchResult:
-    """Find all grids in the pyramid but those that are known."""
+def search(pyramid: Pyramid, zoom: float, known: Sequence[Lattice] = ()) -> SearchResult:
+    """Find all grids but those that are known in the pyramid of a photo that many times smaller."""
     corners = find_corners(pyramid)
     for lattice in known:
         cells = lattice.cells()
         taken = _find_taken(corners.pixel, lattice.at(cells), lattice.fit(cells).side)
         corners = corners.select(~taken)
     patches = find_patches(pyramid, corners)
-    found, grid, failures = _grow_patches(pyramid, corners, patches)
+    lattices, grid, failures = _grow_patches(pyramid, corners, patches)
+    found = [Seen(lattice=one, found=fits, zoom=zoom) for one, fits in lattices]
     unexplained = [
         corners.pixel[patch.corner]
         for patch in patches
@@ -123,11 +145,11 @@ def search(pyramid: Pyramid, known: Sequence[Lattice] = ()) -> SearchResult:
 
 def _grow_patches(
     pyramid: Pyramid, corners: XCorners, patches: Sequence[Patch]
-) -> tuple[list[Seen], IntArray, int]:
+) -> tuple[list[_Fitted], IntArray, int]:
     """Grids, which of them each corner (N,) is part of or -1, and how many patches became none."""
     grid = np.full(len(corners.pixel), -1)
     candidates = cKDTree(corners.pixel)
-    found: list[Seen] = []
+    found: list[_Fitted] = []
     failures = 0
     sure = sum(len(patch.corner) >= SURE_CORNERS for patch in patches)
     for group in (patches[:sure], patches[sure:]):
@@ -140,9 +162,9 @@ def _grow_patches(
             if seen is None:
                 failures += 1
                 continue
-            cells = seen.lattice.cells()
-            fit = seen.lattice.fit(cells)
-            taken = _find_taken(corners.pixel, seen.lattice.at(cells), fit.side)
+            lattice, _ = seen
+            cells = lattice.cells()
+            taken = _find_taken(corners.pixel, lattice.at(cells), lattice.fit(cells).side)
             grid[taken & (grid < 0)] = len(found)
             candidates = cKDTree(corners.pixel[grid < 0])
             found.append(seen)
@@ -168,7 +190,7 @@ def is_beyond_chance_among(lattice: Lattice, crossings: XCorners, zoom: float = 
 
 def _grow_patch(
     pyramid: Pyramid, corners: XCorners, patch: Patch, candidates: cKDTree
-) -> Seen | None:
+) -> _Fitted | None:
     """Grow a patch into a grid; None when it turns out not to be a board."""
     lattice = patch.lattice(corners)
     measure_contrast(pyramid, lattice)
@@ -181,7 +203,7 @@ def _grow_patch(
     return _judge(pyramid, lattice)
 
 
-def _judge(pyramid: Pyramid, lattice: Lattice) -> Seen | None:
+def _judge(pyramid: Pyramid, lattice: Lattice) -> _Fitted | None:
     """Drop what contradicts the rest of a grid or hangs on a single link; None if it is no board.
 
     Of a large grid some corners stand for all: they are fitted here, and nowhere else.
@@ -200,8 +222,8 @@ def _judge(pyramid: Pyramid, lattice: Lattice) -> Seen | None:
     cells = lattice.cells()
     lattice.drop(cells[~hang_together(lattice.known)[cells[:, 0], cells[:, 1]]])
     kept = lattice.known[some[:, 0], some[:, 1]]
-    seen = Seen(lattice=lattice, found=found.select(kept))
-    return seen if kept.any() and is_board(lattice, some[kept], seen.found) else None
+    found = found.select(kept)
+    return (lattice, found) if kept.any() and is_board(lattice, some[kept], found) else None
 
 
 def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, int]:

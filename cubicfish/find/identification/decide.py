@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -150,6 +151,29 @@ class _Photo:
             total += float(np.sum(cells * (grid.pixel - grid.pixel.mean(axis=0))))
         return total
 
+    def list_apart(self, labelings: Labelings) -> list[int]:
+        """The labelings in which no two grids claim the same corner of a board."""
+        near = np.zeros(len(labelings), bool)
+        board = self.sides.board[labelings.side]
+        spans = [self.spans(g, labelings) for g in range(len(self.grids))]
+        for one, other in combinations(range(len(self.grids)), 2):
+            (first, last), (start, end) = spans[one], spans[other]
+            meet = (first <= end).all(axis=1) & (start <= last).all(axis=1)
+            both = (labelings.side[:, [one, other]] >= 0).all(axis=1)
+            near |= both & meet & (board[:, one] == board[:, other])
+        return [
+            k for k in range(len(labelings))
+            if not (near[k] and self.overlap(*_place(labelings, k)))
+        ]  # fmt: skip
+
+    def spans(self, grid: int, labelings: Labelings) -> tuple[IntArray, IntArray]:
+        """As :meth:`span` for each of K labelings (K, 2); of no meaning where it has no place."""
+        cells = self.grids[grid].cells
+        corners = np.array([cells.min(axis=0), cells.max(axis=0)])
+        turn = np.swapaxes(self.sides.matrix[labelings.side[:, grid]], 1, 2)
+        ends = corners @ turn + labelings.offset[:, None, grid]
+        return ends.min(axis=1), ends.max(axis=1)
+
     def overlap(self, side: IntArray, offset: IntArray) -> bool:
         """Whether two grids claim the same corner of a board."""
         cells = []
@@ -179,7 +203,7 @@ def decide(
 
     """
     photo = _Photo(grids=grids, sides=sides)
-    apart = [k for k in range(len(labelings)) if not photo.overlap(*_place(labelings, k))]
+    apart = photo.list_apart(labelings)
     if not apart:
         return None
     labelings = labelings[np.array(apart)]

@@ -7,14 +7,15 @@ shows a corner there, by the same tests as in the first pass, it is added.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish.errors import FitError
-from cubicfish.find.detection.grids import Rows, round_pixels
+from cubicfish.find.detection.grids import round_pixels
 from cubicfish.find.detection.nearby import nearest
-from cubicfish.find.detection.pyramid import Pyramid, build_pyramid
+from cubicfish.find.detection.pyramid import Pyramid, build_pyramid, measure_noise
 from cubicfish.find.detection.refine import refine_corners
 from cubicfish.find.identification.identified import Detection
 from cubicfish.fit.calibrate import calibrate
@@ -47,35 +48,23 @@ _MARGIN_PX = 32
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Shape(Rows):
-    """How the photo shows corners, by the camera.
-
-    Attributes:
-        step: (N, 2, 2) columns dp/d column and dp/d row.
-        bend: (N, 2, 3) second derivatives by column², column·row, row².
-        sign: (N,) +1 where the square towards +column and +row is bright, else -1.
-
-    """
-
-    step: FloatArray
-    bend: FloatArray
-    sign: IntArray
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
     """Where a photo should show the corners of boards of which some are missing.
 
     Attributes:
         corners: names and pixels (N, 2) of the corners.
-        shape: how the photo shows them.
+        step: (N, 2, 2) columns dp/d column and dp/d row there, by the camera.
+        bend: (N, 2, 3) second derivatives by column², column·row, row².
+        sign: (N,) +1 where the square towards +column and +row is bright, else -1.
         known: (N,) whether the first pass has it.
         limit_px: how far from its prediction a corner may be.
 
     """
 
     corners: Observations
-    shape: _Shape
+    step: FloatArray
+    bend: FloatArray
+    sign: IntArray
     known: BoolArray
     limit_px: float
 
@@ -85,11 +74,13 @@ class Prediction:
         # A corner is judged by those around it, known ones among them.
         _, around = nearest(every[~self.known], every, _AROUND)
         rows = np.unique(around)
-        predicted, shape = every[rows], self.shape.select(rows)
+        predicted, step = every[rows], self.step[rows]
         pyramid, first = _cut_out(grey, every)
-        pixel, ok = refine_corners(pyramid, predicted - first, shape.step, shape.sign, shape.bend)
+        pixel, ok = refine_corners(
+            pyramid, predicted - first, step, self.sign[rows], self.bend[rows]
+        )
         pixel += first
-        side = np.hypot(shape.step[:, 0], shape.step[:, 1]).min(axis=1)
+        side = np.hypot(step[:, 0], step[:, 1]).min(axis=1)
         moved = np.hypot(*(pixel - predicted).T)
         ok &= moved < np.minimum(self.limit_px, _FARTHEST_SHARE * side)
         found = replace(self.corners.select(rows), pixel=round_pixels(pixel))
@@ -106,8 +97,8 @@ def _cut_out(grey: npt.NDArray[np.generic], pixel: FloatArray) -> tuple[Pyramid,
     first = np.maximum(np.floor(pixel.min(axis=0)).astype(int) - _MARGIN_PX, 0)
     x, y = np.minimum(np.ceil(pixel.max(axis=0)).astype(int) + _MARGIN_PX + 1, (width, height))
     part = build_pyramid(grey[first[1] : y, first[0] : x])
-    whole = build_pyramid(grey)
-    return replace(part, noise=whole.noise * part.gain / whole.gain), first
+    noise, gain = measure_noise(grey)
+    return replace(part, noise=noise * part.gain / gain), first
 
 
 def predicted_corners(detection: Detection, target: Target) -> dict[str, Prediction]:
@@ -176,9 +167,7 @@ def _predict_photo(
         for index, board in enumerate(target.boards)
         if board.has_squares
     ]
-    board, column, row, pixel = (
-        np.concatenate([part[field] for part, _ in parts]) for field in range(4)
-    )
+    board, column, row, pixel, step, bend, sign = map(np.concatenate, zip(*parts, strict=True))
     pixel = pixel - _find_shared_miss(board, pixel, fit, number)
     predicted = Observations(
         image_size=corners.image_size,
@@ -194,12 +183,11 @@ def _predict_photo(
     lacking = np.isin(board, board[~known])
     if not lacking.any():
         return None
-    shape = _Shape.joined([shape for _, shape in parts]).select(lacking)
-    if detection.other_colours:
-        shape = replace(shape, sign=-shape.sign)
     return Prediction(
         corners=predicted.select(lacking),
-        shape=shape,
+        step=step[lacking],
+        bend=bend[lacking],
+        sign=-sign[lacking] if detection.other_colours else sign[lacking],
         known=known[lacking],
         limit_px=gross_px(fit.residual),
     )
@@ -229,8 +217,11 @@ def _number_places(corners: Observations) -> IntArray:
 
 def _predict_board(
     index: int, board: Board, camera: CubicCamera, rotation: FloatArray, translation: FloatArray
-) -> tuple[tuple[npt.NDArray, ...], _Shape]:
-    """Names, pixels and shape of the corners that face the camera in its field."""
+) -> tuple[npt.NDArray[Any], ...]:
+    """The corners that face the camera in its field.
+
+    The board's index, columns, rows and pixels; steps, bends and signs as of :class:`Prediction`.
+    """
     row, column = (part.ravel() for part in np.mgrid[: board.rows, : board.columns])
 
     def seen(columns: FloatArray, rows: FloatArray) -> FloatArray:
@@ -262,9 +253,8 @@ def _predict_board(
     use &= (middle > 0).all(axis=1) & (middle < (width - 1, height - 1)).all(axis=1)
     # The square down-right of corner (0, 0) has the colour of the one up-left of it.
     sign = np.where((board.first_square == "light") ^ ((column + row) % 2 == 1), 1, -1)
-    names = (np.full(len(column), index), column, row, middle)
-    shape = _Shape(step=step, bend=bend, sign=sign)
-    return tuple(one[use] for one in names), shape.select(use)
+    found = (np.full(len(column), index), column, row, middle, step, bend, sign)
+    return tuple(one[use] for one in found)
 
 
 def with_added(detection: Detection, found: Sequence[Observations]) -> Detection:

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish import Calibration, CameraFile, CubicCamera, Finding, Observations, Target
-from cubicfish.judge import FieldUncertainty
-from cubicfish.judge.codes import Code
+from cubicfish.judge import Code, FieldUncertainty
 from cubicfish.solve import Poses
 from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge
 from cubicfish.threads import one_blas_thread

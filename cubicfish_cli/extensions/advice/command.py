@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish import CubicfishError, OutputError, Run, UsageError
-from cubicfish.files import StrPath, write_files
+from cubicfish.files import StrPath
 from cubicfish_cli.inputs.paths import calibration_files, in_folder, path_or_none
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
@@ -73,7 +73,28 @@ class AdviceFiles:
     picture: Path | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish advise --json`` prints."""
+        """Return plain data: what ``cubicfish advise --json`` prints.
+
+        Keys:
+            enough: whether more photos are not needed
+            reasons: why not, a line each
+            findings: the same, a record each, with the keys of findings of calibrate
+            photos: how many there are
+            photos_needed: about how many more it takes; null where too many, or it cannot be
+                said
+            goal_px: the uncertainty over 95 % of the field that the proposed photos aim at
+            noise_px: of the corners
+            now: the uncertainty: median_px over the field, p95_px (95 % of it is within this)
+            coverage: share of the field that corners cover: of where the camera may be trusted
+                and does not see itself, as in a mirror
+            empty: parts of the picture without corners
+            proposals: photos to take next, a record each
+            notes: remarks, a line each
+            remarks: the same, a record each
+            model: the camera's file
+            picture: the file of --output; null where it was not asked for
+
+        """
         return {**self.advice.as_record(), "model": self.model, "picture": self.picture}
 
 
@@ -119,7 +140,7 @@ def advise_files(options: AdviseOptions, *, run: Run = Run()) -> AdviceFiles:
         with extra.quiet():
             from cubicfish_cli.extensions.advice.picture import advice_picture
         picture = advice_picture(advice, drawing.suffix.lower())
-        write_files({drawing: picture}, overwrite=run.overwrite)
+        plan.write({drawing: picture})
     return AdviceFiles(model=path, advice=advice, picture=drawing)
 
 

@@ -74,7 +74,18 @@ class ChosenFrames:
     films: tuple[dict[str, Any], ...]
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish frames --json`` prints."""
+        """Return plain data: what ``cubicfish frames --json`` prints.
+
+        Keys:
+            photos: the pictures of the frames chosen
+            sheet: the page that shows those chosen
+            frames: how many frames the films have
+            looked_at: in how many of them corners were looked for
+            ended: why no more were chosen, in a sentence
+            films: a record a film: film, frames, image_size, seconds, turned_deg (what players
+                are told), missing (how many frames could not be decoded), problem
+
+        """
         return dict(vars(self))
 
 
@@ -105,7 +116,7 @@ def choose_frames(options: FramesOptions, *, run: Run = Run()) -> ChosenFrames:
         chosen = chosen_of(measured, targets, options.most, run)
         plan.writes(*(folder / frame.photo.name for frame in chosen.taken), within=folder)
         run.listener.progress("Writing frames")
-        write_chosen(folder, chosen, overwrite=run.overwrite)
+        write_chosen(folder, chosen, plan)
     return ChosenFrames(
         photos=tuple(folder / frame.photo.name for frame in chosen.taken),
         sheet=folder / SHEET,

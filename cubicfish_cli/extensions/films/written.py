@@ -8,9 +8,10 @@ from html import escape
 from pathlib import Path
 
 from cubicfish import read_picture
-from cubicfish.files import Content, FrameName, write_files
+from cubicfish.files import Content, FrameName
 from cubicfish_cli.extensions.films.frames import Chosen, names_of
 from cubicfish_cli.films.scan import copy_as_png
+from cubicfish_cli.plan import Plan
 from cubicfish_cli.render.small_pictures import data_uri, thumbnail
 from cubicfish_cli.words.phrases import plural
 
@@ -34,28 +35,25 @@ figcaption {{ overflow-wrap: anywhere; margin-top: .3em; }}
 """
 
 
-def write_chosen(folder: Path, chosen: Chosen, *, overwrite: bool) -> None:
+def write_chosen(folder: Path, chosen: Chosen, plan: Plan) -> None:
     """Write the sheet and pictures; remove pictures of an earlier choice of these films.
 
     Args:
         folder: the folder.
         chosen: the chosen frames.
-        overwrite: whether files of an earlier choice may be replaced.
+        plan: what is read and written.
 
     Raises:
-        OutputError: a file exists and ``overwrite`` is false, or cannot be written.
+        OutputError: a file exists and may not be replaced, or cannot be written.
 
     """
     files: dict[Path, Content] = {folder / SHEET: _draw_sheet(chosen)}
     for frame in chosen.taken:
         files[folder / frame.photo.name] = partial(copy_as_png, frame.photo.path)
     films = {one.film.label for one in chosen.measured}
-    obsolete = [
-        path
-        for path in folder.glob("*.png")
-        if overwrite and path not in files and (FrameName.read(path.name) or ("",))[0] in films
-    ]
-    write_files(files, overwrite=overwrite, obsolete=obsolete, folder=folder)
+    pictures = folder.glob("*.png")
+    plan.leaves(*(one for one in pictures if (FrameName.read(one.name) or ("",))[0] in films))
+    plan.write(files)
 
 
 def _draw_sheet(chosen: Chosen) -> str:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish import Run, listed
+from cubicfish import Run, UsageError, listed
 from cubicfish.files import StrPath
 from cubicfish_cli.inputs.paths import paths_of
 from cubicfish_cli.inputs.target_source import target_in
@@ -75,6 +75,8 @@ def import_corner_files(options: CornersOptions, *, run: Run = Run()) -> Importe
     from cubicfish import save_corners
     from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
 
+    if not paths_of(options.files):
+        raise UsageError("no files are named: name those of the detector")
     goal = Path(options.table)
     Plan(run).reads(options.files, options.target).writes(goal)
     read = read_vnlogs(

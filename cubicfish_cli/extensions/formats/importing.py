@@ -41,7 +41,22 @@ class Imported(CameraFile):
     file: Path | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish import --json`` prints."""
+        """Return plain data: what ``cubicfish import --json`` prints.
+
+        Keys:
+            model: the camera's file
+            format: what wrote the file that was read
+            lens: its lens model
+            image_size: [width, height]
+            rms_px: the RMS of the conversion
+            max_px: its largest error
+            max_angle_deg: the angle from the axis up to which these hold
+            by_angle: a record a ring about the axis: from_deg, to_deg, rms_px, max_px
+            trusted_deg: how far from the axis the camera is trusted
+            field_ended_by: why no farther: photo, region, fold, angle or fit
+            fold_deg: where the lens folds, if that is why
+
+        """
         return {
             "model": self.file,
             "format": self.written_by,

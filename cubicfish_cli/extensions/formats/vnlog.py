@@ -60,7 +60,17 @@ class ImportedCorners:
     file: Path | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish corners --json`` prints."""
+        """Return plain data: what ``cubicfish corners --json`` prints.
+
+        Keys:
+            file: the table of corners
+            image_size: [width, height]
+            images: how many photos have corners
+            corners: how many corners were taken over
+            left_out: how many the files say were not found
+            empty_images: photos without corners
+
+        """
         return {
             "file": self.file,
             "image_size": self.corners.image_size,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from cubicfish import Event, Run, UsageError
-from cubicfish.files import Content, StrPath, write_files
+from cubicfish.files import Content, StrPath
 from cubicfish_cli import __version__
 from cubicfish_cli.inputs.target_source import length_mm, target_in
 from cubicfish_cli.plan import Plan
@@ -133,7 +133,15 @@ class PrintedFiles:
     paper: Paper
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish target print --json`` prints."""
+        """Return plain data: what ``cubicfish target print --json`` prints.
+
+        Keys:
+            boards: the file of the pages
+            target: target.yaml, where a target was made
+            paper: the paper's name
+            pages: a record a page: board, size_mm, corner_0_0_mm
+
+        """
         pages = [
             {
                 "board": page.board.name,
@@ -182,10 +190,11 @@ def print_target_files(options: PrintOptions, *, run: Run = Run()) -> PrintedFil
 
     contents = {"boards": lambda path: write_boards(path, pages), **contents}
     outputs = {name: Path(options.folder) / NAMES[name] for name in contents}
-    Plan(run).reads(options.target).writes(*outputs.values())
+    plan = Plan(run).reads(options.target)
+    plan.writes(*outputs.values())
     run.listener.progress(f"Drawing {plural(len(pages), 'page')}")
     files = {path: contents[name] for name, path in outputs.items()}
-    write_files(files, overwrite=run.overwrite, folder=Path(options.folder))
+    plan.write(files)
     return PrintedFiles(files=outputs, pages=pages, paper=on)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cubicfish import Run
-from cubicfish.files import StrPath, write_files
+from cubicfish.files import StrPath
 from cubicfish_cli.inputs.paths import calibration_files, in_folder, path_or_none
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
@@ -63,7 +63,7 @@ def report_files(options: ReportOptions, *, run: Run = Run()) -> ReportFiles:
     run.listener.progress("Making the report")
     facts = facts_of_files(model, target=target, photos=list(map(Path, options.photos)))
     plan.reads(facts.sources)
-    write_files({path: report_html(facts)}, overwrite=run.overwrite)
+    plan.write({path: report_html(facts)})
     return ReportFiles(page=path, model=model, verdict=facts.known.verdict, absent=facts.absent)
 
 

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cubicfish import CubicCamera
+from cubicfish import CubicCamera, Verdict
 from cubicfish.judge import Origin, Severity
-from cubicfish.judge.verdict import LEVELS
 from cubicfish_cli.extensions.report.figures import all_figures, arrow_zoom
 from cubicfish_cli.extensions.report.pictures import MOST_CARDS, all_pictures
 from cubicfish_cli.extensions.report.scene import scene_figures
@@ -60,7 +59,7 @@ def report_html(facts: Facts) -> str:
         fit=facts.fit,
         in_words=in_words,
         verdict=facts.known.verdict,
-        words=LEVELS,
+        words=Verdict.WORDS,
         render=render,
         is_ray=isinstance(facts.camera, CubicCamera),
         figures=figures,
@@ -92,7 +91,7 @@ def _make_tiles(facts: Facts) -> list[tuple[str, str, str]]:
         for name, value, meaning in (
             ("RMS error", fit.rms_px, "on the photos of the fit"),
             ("Held-out RMS", fit.held_out_rms_px, "on photos that a fit never saw"),
-            ("Radial reference, held out", fit.companion_held_out_rms_px, "a Kannala–Brandt lens"),
+            ("Radial reference, held out", fit.radial_held_out_rms_px, "a Kannala–Brandt lens"),
         )
         if math.isfinite(value)
     ]

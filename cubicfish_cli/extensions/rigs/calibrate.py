@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from cubicfish_cli.extensions.rigs.printed import print_rig
 from cubicfish_cli.films import MOST
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.plan import Plan
+from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.render.pages import PAGE
 from cubicfish_cli.stages import camera_files, origin, page
 from cubicfish_cli.terminal import parameters
@@ -37,7 +39,6 @@ from cubicfish_cli.words.sentences import render
 if TYPE_CHECKING:
     from cubicfish import Calibration, CameraFile, Rig, Target
     from cubicfish.fit import RefineTarget
-    from cubicfish.rigs import CornerMotion
     from cubicfish_cli.extensions.rigs.films import ShotFrame
     from cubicfish_cli.observe import Inputs
 
@@ -118,6 +119,49 @@ class RigOptions:
     )
     report: bool = parameters.report_option
 
+    @cached_property
+    def source(self) -> TargetSource:
+        """The target, or where it is."""
+        return TargetSource.of(self.target)
+
+    @cached_property
+    def inputs(self) -> dict[str, Path]:
+        """The cameras' inputs, by name."""
+        from cubicfish_cli.extensions.rigs.naming import named_cameras
+
+        return named_cameras(self.cameras, self.names)
+
+    @cached_property
+    def known(self) -> dict[str, Calibration | CameraFile | Path]:
+        """Cameras that are calibrated already, or their files, by name."""
+        from cubicfish_cli.extensions.rigs.naming import named_lenses
+
+        return named_lenses(self.lenses, self.inputs)
+
+    @cached_property
+    def films(self) -> list[Path]:
+        """The inputs that are films."""
+        from cubicfish_cli.observe import films_among
+
+        return films_among(list(self.inputs.values()))
+
+    @property
+    def how(self) -> dict[str, Any]:
+        """The options of the fit."""
+        return {"hold_lenses": self.hold_lenses, "refine_target": self.refine_target or "auto"}
+
+    @property
+    def matching(self) -> str:
+        """By what photos are said to be of one shot."""
+        if self.films:
+            return "films"
+        return str(self.shots or ("time" if self.tolerance else "name"))
+
+    @property
+    def has_page(self) -> bool:
+        """Whether a page is made."""
+        return self.report and not extra.missing(extra.REPORT)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RigFiles:
@@ -135,7 +179,21 @@ class RigFiles:
     removed: list[Path]
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish rig calibrate --json`` prints."""
+        """Plain data: what ``cubicfish rig calibrate --json`` prints.
+
+        Keys:
+            units: of lengths: the target's; null for pairs that came without one
+            cameras: a record per camera: name, camera (its file), camera_from_rig, position,
+                covariance, turn_sigma_deg, shift_sigma, fit (its errors in pixels)
+            pairs: a record for every two cameras: cameras, shots (in common), rms_px
+            fit: of all: errors in pixels, held_out_rms_px, shots, refine_target, held_lenses,
+                findings (with the keys of everything that is told, cameras, shots and line),
+                per_shot
+            model: the rig's file
+            verdict: level (good, care or bad), words, figures, and reasons, a record each, with
+                why: what and evidence in one
+
+        """
         from cubicfish_cli.words.camera import verdict_record
 
         return {
@@ -158,97 +216,48 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = Run()) -> RigFiles:
     """
     from cubicfish_cli.extensions.rigs.films import keeping_frames
 
-    plan = _plan(options, run)
-    seen = _observe(plan, run)
-    with keeping_frames(seen.frames, plan.frames):
-        rig = _fit(plan, seen, run)
-        contents = _make_contents(plan, rig, seen, run)
+    folder, plan = Path(options.folder), _plan(options, run)
+    observed = _observe(options, plan, run)
+    with keeping_frames(observed.frames, folder / FRAMES):
+        rig = _fit(options, observed, run)
+        contents = _make_contents(options, rig, observed, run)
         run.listener.progress("Writing")
-        files = plan.register.write({plan.folder / name: own for name, own in contents.items()})
-    return RigFiles(rig=rig, files=files, removed=plan.register.removed)
+        files = plan.write({folder / name: content for name, content in contents.items()})
+    return RigFiles(rig=rig, files=files, removed=plan.removed)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _RigPlan:
-    """What is read, and what will be written.
-
-    Attributes:
-        options: the options.
-        cameras: of each camera by name, its input.
-        lenses: by name, those that are calibrated already, or their files.
-        target: what the cameras see.
-        are_films: whether the inputs are films.
-        folder: where files go.
-        with_page: whether a page about the rig is made.
-        register: of all that is read and written.
-
-    """
-
-    options: RigOptions
-    cameras: Mapping[str, Path]
-    lenses: Mapping[str, Calibration | CameraFile | Path]
-    target: TargetSource
-    are_films: bool
-    folder: Path
-    with_page: bool
-    register: Plan
-
-    @property
-    def frames(self) -> Path:
-        """Where chosen frames of films go."""
-        return self.folder / FRAMES
-
-    @property
-    def matching(self) -> str:
-        """By what photos are said to be of one shot."""
-        options = self.options
-        by = str(options.shots or ("time" if options.tolerance else "name"))
-        return "films" if self.are_films else by
-
-
-def _plan(options: RigOptions, run: Run) -> _RigPlan:
+def _plan(options: RigOptions, run: Run) -> Plan:
+    """Say what is read, and what may be written."""
     from cubicfish_cli.extensions.rigs.inputs import check_camera_inputs, is_calibrated, read_for
-    from cubicfish_cli.extensions.rigs.naming import named_cameras, named_lenses
-    from cubicfish_cli.observe import films_among
-    from cubicfish_cli.render import drawing as extra
 
-    target, folder = TargetSource.of(options.target), Path(options.folder)
-    cameras = named_cameras(options.cameras, options.names)
-    lenses, inputs = named_lenses(options.lenses, cameras), list(cameras.values())
-    films = films_among(inputs)
-    _refuse_unused(options, inputs, films)
-    if films:
-        target.check()
-    elif check_camera_inputs(inputs, target, run) and options.refine_target is not None:
+    cameras, lenses, source = options.inputs, options.known, options.source
+    _refuse_unused(options)
+    if options.films:
+        source.check()
+    elif check_camera_inputs([*cameras.values()], source, run) and options.refine_target:
         raise UsageError("--refine-target is of a target, and 2D-3D pairs have none: leave it out")
     if all(name in lenses or is_calibrated(path) for name, path in cameras.items()):
         _refuse_options_of_fits(options)
     run.date()  # said before the work if it cannot be
-    register = Plan(run).reads(read_for(inputs), target, options.shots, options.times, lenses)
-    with_page = options.report and not extra.missing(extra.REPORT)
-    refined, page_file = (folder / name for name in (CALIBRATION_FILES["target"], PAGE))
-    register.leaves(refined, page_file)
-    register.writes(
+    plan = Plan(run).reads(
+        read_for([*cameras.values()]), source, options.shots, options.times, lenses
+    )
+    folder = Path(options.folder)
+    refined, page_file = folder / CALIBRATION_FILES["target"], folder / PAGE
+    plan.leaves(refined, page_file)
+    plan.writes(
         folder / "rig.yaml",
         *(path for name in cameras for path in camera_files(folder, name, _OF_CAMERA).values()),
         *([refined] if options.refine_target != "off" else []),
-        *([page_file] if with_page else []),
+        *([page_file] if options.has_page else []),
     )
-    return _RigPlan(
-        options=options,
-        cameras=cameras,
-        lenses=lenses,
-        target=target,
-        are_films=bool(films),
-        folder=folder,
-        with_page=with_page,
-        register=register,
-    )
+    return plan
 
 
-def _refuse_unused(options: RigOptions, inputs: Sequence[Path], films: Sequence[Path]) -> None:
+def _refuse_unused(options: RigOptions) -> None:
     """Refuse inputs that do not go together, and options that say nothing of them."""
-    if films and len(films) < len(inputs):
+    films = options.films
+    if films and len(films) < len(options.inputs):
         raise UsageError(
             f"{quoted(str(films[0]))} is a film, and other cameras have none: give a film of each "
             "camera, or take its frames with 'cubicfish frames'"
@@ -272,106 +281,99 @@ def _refuse_options_of_fits(options: RigOptions) -> None:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Seen:
+class _Observed:
     """What the cameras saw.
 
     Attributes:
         inputs: of each camera by name, its corners or points.
-        lenses: of those that are calibrated already.
-        matching: which photos are of one shot, as :func:`calibrate_rig` is told it.
         frames: of films, those that were chosen.
-        motion: of films, how corners move.
+        known: what is known of cameras and photos, as :func:`calibrate_rig` takes it.
 
     """
 
     inputs: Mapping[str, Inputs]
-    lenses: Mapping[str, Calibration | CameraFile]
-    matching: Mapping[str, Any]
     frames: Sequence[ShotFrame]
-    motion: Mapping[str, CornerMotion]
+    known: Mapping[str, Any]
 
 
-def _observe(plan: _RigPlan, run: Run) -> _Seen:
+def _observe(options: RigOptions, plan: Plan, run: Run) -> _Observed:
     from cubicfish import load_camera
     from cubicfish_cli.extensions.rigs.films import keeping_frames, measure_motion, rig_frames
     from cubicfish_cli.extensions.rigs.inputs import load_camera_inputs
     from cubicfish_cli.films.scan import room_for_frames
 
-    options, matching = plan.options, _read_matching(plan)
-    lenses: dict[str, Calibration | CameraFile] = {
+    matching, source, folder = _read_matching(options), options.source, Path(options.folder)
+    lenses = {
         name: load_camera(one) if isinstance(one, Path) else one
-        for name, one in plan.lenses.items()
+        for name, one in options.known.items()
     }
     inputs, motion = {}, {}
     frames: list[ShotFrame] = []
-    with room_for_frames(plan.frames) as room:
-        if plan.are_films:
+    with room_for_frames(folder / FRAMES) as room:
+        if options.films:
             frames = rig_frames(
-                plan.cameras,
-                plan.frames,
+                options.inputs,
+                folder / FRAMES,
                 room,
-                plan.target.load(),
+                source.load(),
                 run,
-                plan.register,
+                plan,
                 most=options.most or MOST,
                 tolerance=options.tolerance,
             )
             matching["shots"] = [(one.shot, one.camera, one.picture.name) for one in frames]
-        with keeping_frames(frames, plan.frames):
-            for name, path in plan.cameras.items():
+        with keeping_frames(frames, folder / FRAMES):
+            for name, path in options.inputs.items():
                 run.listener.tell(Event.CAMERA, name=name, path=path)
                 shown = [frame for frame in frames if frame.camera == name]
                 photos = [frame.picture for frame in shown] or [path]
-                inputs[name], camera = load_camera_inputs(photos, plan.target, run)
+                inputs[name], camera = load_camera_inputs(photos, source, run)
                 if camera is not None:
                     lenses.setdefault(name, camera)
                 if shown:
                     motion[name] = measure_motion(shown, inputs[name].pairs, run.listener)
-    return _Seen(inputs=inputs, lenses=lenses, matching=matching, frames=frames, motion=motion)
+    known = {**matching, "known": lenses, "moving": motion}
+    return _Observed(inputs=inputs, frames=frames, known=known)
 
 
-def _read_matching(plan: _RigPlan) -> dict[str, Any]:
+def _read_matching(options: RigOptions) -> dict[str, Any]:
     """Which photos are of one shot, and when they were taken: before these are searched."""
     from cubicfish_cli.extensions.rigs.tables import load_shots, load_times
 
-    shots, times = plan.options.shots, plan.options.times
+    shots, times = options.shots, options.times
     return {
-        "shots": plan.matching if shots is None else load_shots(Path(shots)),
-        "tolerance": plan.options.tolerance,
-        "times": None if times is None else load_times(Path(times), list(plan.cameras)),
+        "shots": options.matching if shots is None else load_shots(Path(shots)),
+        "tolerance": options.tolerance,
+        "times": None if times is None else load_times(Path(times), list(options.inputs)),
     }
 
 
-def _fit(plan: _RigPlan, seen: _Seen, run: Run) -> Rig:
+def _fit(options: RigOptions, observed: _Observed, run: Run) -> Rig:
     from cubicfish import calibrate_rig
     from cubicfish_cli.extensions.rigs.words import rig_with_texts
 
-    options, observed = plan.options, list(seen.inputs.values())
-    how: dict[str, Any] = {
-        "hold_lenses": options.hold_lenses,
-        "refine_target": options.refine_target or "auto",
-    }
+    inputs = list(observed.inputs.values())
     rig = calibrate_rig(
-        {name: own.given for name, own in seen.inputs.items()},
-        observed[0].pairs.target,
-        moving=seen.motion,
-        known=seen.lenses,
+        {name: own.given for name, own in observed.inputs.items()},
+        inputs[0].pairs.target,
         listener=run.listener,
-        **seen.matching,
-        **how,
+        **observed.known,
+        **options.how,
     )
-    made_by = origin(observed, {**how, "shots": plan.matching}, run)
+    made_by = origin(inputs, {**options.how, "shots": options.matching}, run)
     return rig_with_texts(replace(rig, made_by=made_by))
 
 
-def _make_contents(plan: _RigPlan, rig: Rig, seen: _Seen, run: Run) -> dict[str, Content | None]:
+def _make_contents(
+    options: RigOptions, rig: Rig, observed: _Observed, run: Run
+) -> dict[str, Content | None]:
     """What files hold, by their names in the folder; rig.yaml, which is first, is written last."""
     from cubicfish_cli.stages import corners_content
 
     contents: dict[str, Content | None] = {**rig.texts()}
-    for name, own in seen.inputs.items():
+    for name, own in observed.inputs.items():
         contents[f"{name}/{CALIBRATION_FILES['corners']}"] = corners_content(own.pairs)
-    if plan.with_page:
+    if options.has_page:
         contents[PAGE] = page(Place("rigs", f"{__package__}.page:rig_html"), rig, run=run)
     return contents
 
@@ -393,7 +395,8 @@ def command(made: RigFiles, given: RigOptions, how: How) -> None:
     Move the rig about the target, or the target about the rig. Photos of one shot have the same
     name in each camera's folder. From films it chooses moments at which several cameras see the
     target sharply, and fits how far their clocks differ. The cameras' fields need not overlap: two
-    cameras are connected where each sees some board of the target in the same shot.
+    cameras are connected where each sees some board of the target in the same shot. --overwrite
+    also removes what an earlier rig left in the folder.
     """
     printed = how.print(made)
     for finding in made.rig.fit.findings:

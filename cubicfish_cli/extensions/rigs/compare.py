@@ -50,7 +50,15 @@ class ComparedRigFiles:
     cameras: Sequence[ComparedCamera]
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish rig compare --json`` prints."""
+        """Plain data: what ``cubicfish rig compare --json`` prints.
+
+        Keys:
+            units: of lengths
+            cameras: a record per camera: name, shift and turn_deg beside the first camera,
+                shift_sigma, turn_sigma_deg, sigmas (all of it over its standard deviations) and
+                lens (with the keys of 'cubicfish compare')
+
+        """
         return {"units": self.units, "cameras": [one.as_record() for one in self.cameras]}
 
 

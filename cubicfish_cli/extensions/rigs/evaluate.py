@@ -58,6 +58,15 @@ def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = Run()) -> RigE
         UsageError: it is not known which camera an input is of.
         CubicfishError: an input cannot be used, or no shot can be placed.
 
+    Keys:
+        those of :class:`~cubicfish.judge.fit_record.ErrorStatistics`
+        model: the rig's file
+        alone_rms_px: of the same corners with each photo's own pose, pixels
+        cameras: a record per camera: name, images, its errors, alone_rms_px, outside_field,
+            unplaced
+        pairs: a record for every two cameras: cameras, shots (in common), rms_px
+        per_shot: a record per shot: shot, rms_px, corners, cameras, rig_from_world
+
     """
     from cubicfish import evaluate_rig, load_rig
     from cubicfish_cli.core_table import CALIBRATION_FILES

@@ -56,6 +56,11 @@ def export_rig_files(options: RigExportOptions, *, run: Run = Run()) -> Exported
         FitError: there is no such format, or its lens is too far from a camera.
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
+    Keys:
+        files: all that was written
+        format: its format
+        cameras: a record per camera: its name, and the keys of 'cubicfish export' from lens on
+
     """
     from cubicfish import load_rig
     from cubicfish_cli.commands.export import ExportedFiles
@@ -72,7 +77,7 @@ def export_rig_files(options: RigExportOptions, *, run: Run = Run()) -> Exported
         try:
             own = export_camera(one, to, max_error=max_error, max_angle_deg=options.max_angle_deg)
         except FitError as problem:
-            raise FitError(f"camera {one.name}: {problem}") from problem
+            raise problem.amid(f"camera {one.name}: ") from problem
         made.append((one, own))
     write = Place(write_as.extension, write_as.write_rig).load()
     text = write(lens_rig(known, made))

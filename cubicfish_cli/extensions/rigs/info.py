@@ -38,7 +38,13 @@ class RigInfo:
     rig: Rig
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish rig info --json`` prints."""
+        """Plain data: what ``cubicfish rig info --json`` prints.
+
+        Keys:
+            model: the rig's file
+            rig: what it holds: units, cameras, pairs, fit, made_by
+
+        """
         plain = {**self.rig.as_record(), "made_by": dict(self.rig.made_by)}
         return {"model": self.model, "rig": plain}
 

@@ -74,7 +74,21 @@ class PairMapFiles(MapFiles):
     stereo: Mapping[str, Any]
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish rig map --json`` prints."""
+        """Plain data: what ``cubicfish rig map --json`` prints.
+
+        Keys:
+            model: the rig's file
+            files: the maps' files
+            extra_files: OUT.stereo.yaml, and the virtual camera
+            image_size: [width, height] of the photos that the maps are for
+            view: what is shown: kind, size, words, parts (the six of a cube), hfov_deg and
+                vfov_deg where it has them, cut (whether the camera sees more than this kind can
+                show), and what else the kind has
+            stereo: what OUT.stereo.yaml holds: cameras, units, baseline, focal, depth and what
+                else it takes to measure
+            ffmpeg: for .pgm, a command a map that applies it
+
+        """
         return {**super().as_record(), "stereo": self.stereo}
 
 
@@ -93,7 +107,6 @@ def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
     import numpy as np
 
     from cubicfish import load_rig, rectify
-    from cubicfish.files.plain_yaml import plain_yaml_text
     from cubicfish.views import CentralView, ChosenView, MapInBands, choose_view, sees
     from cubicfish_cli.undistortion.map_formats import camera_path, map_paths
 
@@ -129,20 +142,13 @@ def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
         chosen = ChosenView(views={"": common})
     turned = zip(both, between.cameras, between.views(common), strict=True)
     maps = {name: MapInBands.of_camera(camera, own) for name, camera, own in turned}
-    about_pair = {
-        "cameras": list(both),
-        "units": loaded.units,
-        "photo_sizes": [list(camera.image_size) for camera in between.cameras],
-        **between.as_record(common),
-    }
-    more = {about: plain_yaml_text(about_pair)}
     return PairMapFiles(
         model=loaded.files[0],
         own=files_of(plan),
-        written=write_maps(plan, maps, goal, run, more),
+        written=write_maps(plan, maps, goal, run, {about: between.text(common)}),
         image_size=between.image_size,
         view=chosen,
-        stereo=about_pair,
+        stereo=between.as_record(common),
     )
 
 

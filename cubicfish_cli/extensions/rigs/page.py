@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish import Rig
+from cubicfish import Rig, Verdict
 from cubicfish.judge import Severity
-from cubicfish.judge.verdict import LEVELS
 from cubicfish_cli.render.pages.figures import (
     BOARD_COLOURS,
     Drawn,
@@ -36,7 +35,7 @@ def rig_html(rig: Rig) -> str:
     known = [one for one in rig.fit.per_shot if not np.isnan(one.rms_px)]
     return template(Path(__file__).with_name("page.html")).render(
         verdict=rig.verdict,
-        words=LEVELS,
+        words=Verdict.WORDS,
         render=render,
         notes=[render(one).line for one in rig.fit.findings if one.severity is Severity.NOTE],
         rig=rig,

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish import Run, listed
+from cubicfish import Run, UsageError, listed
 from cubicfish.files import StrPath
 from cubicfish.views import ViewOptions
 from cubicfish_cli.commands.undistort import PictureOptions, named_sources, print_pictures
@@ -94,6 +94,8 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = Run()) -> Un
 
     known = load_rig(options.rig)
     names, sources = [one.name for one in known.cameras], paths_of(named_sources(options.photos))
+    if not sources:
+        raise UsageError("no photos are named: name those of each camera")
     shots = shots_of(sources, names, run.listener)
     suffix = next(iter(next(iter(shots.values())).values())).suffix
     jobs = {name: (f"{name}{suffix}", own) for name, own in shots.items()}

@@ -5,8 +5,8 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from cubicfish import Event, Rig, listed
-from cubicfish.judge.codes import Code
-from cubicfish.judge.finding import FindingText as Said
+from cubicfish.judge import Code
+from cubicfish.judge import FindingText as Said
 from cubicfish_cli.words.phrases import pick, plural
 from cubicfish_cli.words.sentences import with_text, with_texts
 from cubicfish_cli.words.table import Words

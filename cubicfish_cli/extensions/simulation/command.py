@@ -164,7 +164,18 @@ class SimulatedFiles:
     seed: int
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish simulate --json`` prints."""
+        """Return plain data: what ``cubicfish simulate --json`` prints.
+
+        Keys:
+            photos: the photos' files
+            corners: how many corners can be seen in them
+            image_size: [width, height]
+            seed: the seed
+            true_corners: the file with the corners' true places
+            true_poses: the file with the true poses
+            true_camera: the file with the true camera
+
+        """
         named = ("photos", "corners", "image_size", "seed")
         return {**{name: getattr(self, name) for name in named}, **self.truth}
 
@@ -183,7 +194,6 @@ def simulate_files(options: SimulateOptions, *, run: Run = Run()) -> SimulatedFi
 
     """
     from cubicfish import CubicCamera, Event, load_camera
-    from cubicfish.files import write_files
     from cubicfish.io.camera_yaml import camera_text
     from cubicfish.judge import FitRecord
     from cubicfish_cli.extensions.simulation.simulate import (
@@ -234,7 +244,7 @@ def simulate_files(options: SimulateOptions, *, run: Run = Run()) -> SimulatedFi
         listener.progress(_RENDERING, done, len(named))
 
     photos = {folder / name: partial(write, done) for done, name in enumerate(named, start=1)}
-    write_files({**photos, **texts}, overwrite=run.overwrite, folder=folder)
+    plan.write({**photos, **texts})
     return SimulatedFiles(
         photos=list(photos),
         truth={path.stem: path for path in texts},

@@ -29,7 +29,16 @@ class ReportFiles:
     absent: Sequence[str] = ()
 
     def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish report --json`` prints."""
+        """Return plain data: what ``cubicfish report --json`` prints.
+
+        Keys:
+            report: the page
+            model: the file of the camera or the rig
+            verdict: level (good, care or bad), words, figures, and reasons, a record each, with
+                why: what and evidence in one
+            absent: what the page lacks and why, a line each
+
+        """
         from cubicfish_cli.words.camera import verdict_record
 
         named = {"report": str(self.page), "model": str(self.model)}

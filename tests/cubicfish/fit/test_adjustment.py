@@ -9,7 +9,7 @@ from scipy.linalg import block_diag
 
 from cubicfish.errors import FitError
 from cubicfish.fit.cubic_fit import fit_cubic
-from cubicfish.fit.prior import Prior, bent_lens, ray_prior
+from cubicfish.fit.prior import Prior, decentred_lens, tie_to
 from cubicfish.fit.radial_reference import fit_radial, refit_radial
 from cubicfish.models.radial import RadialCamera
 from cubicfish.models.sphere import cone_rays
@@ -64,11 +64,13 @@ def test_a_bend_is_the_same_from_near_by(pairs):
     reference = fit_radial(pairs)
     again = refit_radial(reference, reference.pairs, reference.poses)
     rays = cone_rays(1.2, 100)
-    anew, near = (bent_lens(one, 1e-3)[0].project(rays) for one in (reference, again))
+    anew, near = (decentred_lens(one, 1e-3)[0].project(rays) for one in (reference, again))
     np.testing.assert_allclose(near, anew, atol=2e-3)
     followed = again.followed(reference.pairs.world * 1.0)
-    assert bent_lens(followed, 1e-3)[0] is bent_lens(again, 1e-3)[0]
-    assert ray_prior(again.followed(reference.pairs.world), 1e-3).lens is bent_lens(again, 1e-3)[0]
+    assert decentred_lens(followed, 1e-3)[0] is decentred_lens(again, 1e-3)[0]
+    assert (
+        tie_to(again.followed(reference.pairs.world), 1e-3).lens is decentred_lens(again, 1e-3)[0]
+    )
 
 
 def dense(normal, damping=0.0):

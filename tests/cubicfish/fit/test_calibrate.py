@@ -52,7 +52,7 @@ def test_exact_corners_give_the_exact_camera():
     # Twenty coefficients meet a lens of another family, decentred and tilted, this closely.
     assert result.errors.rms_px < 0.005
     assert difference_px(result.camera, synthetic.TRUE_LENS, result.fit.covered_deg) < 0.05
-    assert result.fit.companion_rms_px > 10 * result.errors.rms_px
+    assert result.fit.radial_rms_px > 10 * result.errors.rms_px
 
 
 def test_residuals_spread_as_the_noise_does(pairs, fitted):
@@ -61,7 +61,7 @@ def test_residuals_spread_as_the_noise_does(pairs, fitted):
     assert fitted.errors.rms_px == pytest.approx(expected, rel=0.04)
     assert fitted.held_out is not None
     assert fitted.errors.rms_px < fitted.held_out.rms_px < 1.2 * expected
-    assert fitted.held_out.rms_px < fitted.held_out.companion_rms_px
+    assert fitted.held_out.rms_px < fitted.held_out.radial_rms_px
     assert fitted.fit.rank == 16
     assert not fitted.fit.dropped_corners
     assert not fitted.unfit
@@ -310,7 +310,7 @@ def test_a_lens_that_flattens_out_keeps_its_profile():
     points = calibrate(pairs, hold_out=False)
     assert points.fit.covered_deg > 80
     assert points.errors.rms_px < 0.08
-    assert points.fit.companion_rms_px < 0.08
+    assert points.fit.radial_rms_px < 0.08
     assert points.fit.covered_deg <= points.camera.max_angle_deg < 90.5
 
 
@@ -320,7 +320,7 @@ def test_left_out_photos_choose_how_p_is_held(pairs):
     rng = np.random.default_rng(1)
     noisy = replace(few, pixel=few.pixel + rng.normal(0, 0.6, few.pixel.shape))
     result = calibrate(noisy)
-    assert result.held_out.rms_px <= 1.005 * result.held_out.companion_rms_px
+    assert result.held_out.rms_px <= 1.005 * result.held_out.radial_rms_px
 
 
 def test_p_is_held_firmly_only_as_far_from_the_axis_as_corners_are():
@@ -337,7 +337,7 @@ def test_p_is_held_firmly_only_as_far_from_the_axis_as_corners_are():
     assert 102 < farthest < 103
     prior = Prior(spread=0.0, weight=3.0)
     start, _ = next(prior.starts(reference, None, reference.errors))
-    prior = start.ray_prior
+    prior = start.tie
     angle = np.rad2deg(np.arccos(prior.near.rays[:, 2]))
     held = (angle > nearest) & (angle < farthest)
     assert set(prior.weights[held]) == {3.0}

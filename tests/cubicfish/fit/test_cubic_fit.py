@@ -11,7 +11,7 @@ from simulated import CornerErrors, simulated_corners
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.cubic_fit import fit_cubic
 from cubicfish.fit.nearest_cubic import MARGIN_DEG, cone_angle, linear_cubic
-from cubicfish.fit.prior import EXPECTED, bent_lens
+from cubicfish.fit.prior import EXPECTED, decentred_lens
 from cubicfish.fit.radial_reference import fit_radial, refit_radial
 from cubicfish.models.cubic import pole_or_fold_deg
 from cubicfish.solve.adjustment import adjust
@@ -39,7 +39,7 @@ def test_a_pole_that_corners_miss_is_no_start(photos, seed):
     seen = seen.with_target(TARGET)
     reference = fit_radial(seen.with_world(seen.world / world_scale(seen)))
     cone = float(np.rad2deg(cone_angle(reference.camera, reference.covered, MARGIN_DEG)))
-    near, (bent, _) = reference.cubic, bent_lens(reference, EXPECTED.spread)
+    near, (bent, _) = reference.cubic, decentred_lens(reference, EXPECTED.spread)
     weights = np.where(near.within, 1.0, 0.1)
     most_exact = linear_cubic(
         near.rays,
@@ -108,7 +108,7 @@ def test_a_narrow_camera_is_no_worse_than_its_radial_lens(width_deg):
         diagnose=lambda evidence: kept.append(evidence) or (),
     )
     assert found.refined == "points"
-    assert found.held_out.rms_px <= 1.005 * found.held_out.companion_rms_px
+    assert found.held_out.rms_px <= 1.005 * found.held_out.radial_rms_px
     # Far from the end, and beside it, other starts lead there too.
     (evidence,) = kept
     fit = evidence.fit
@@ -131,9 +131,9 @@ def test_the_prior_is_of_the_reference_that_the_fit_has_now():
     noisy = rough.pairs.pixel + np.random.default_rng(1).normal(0, 0.5, rough.pairs.pixel.shape)
     other = refit_radial(rough, replace(rough.pairs, pixel=noisy), rough.poses)
     warm, fresh = fit_cubic(other, EXPECTED, start=first), fit_cubic(other, EXPECTED)
-    for prior in (warm.lens.ray_prior, fresh.lens.ray_prior):
+    for prior in (warm.lens.tie, fresh.lens.tie):
         assert prior.near.rays is other.cubic.rays
-        assert prior.denominator_weight > 2 * first.lens.ray_prior.denominator_weight
+        assert prior.denominator_weight > 2 * first.lens.tie.denominator_weight
     # Each with its own loss at the end, which follows the noise.
     warm, fresh = (fit_cubic(other, EXPECTED, start=one) for one in (warm, fresh))
     assert warm.cost == pytest.approx(fresh.cost, rel=1e-4)

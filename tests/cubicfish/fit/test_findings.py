@@ -177,4 +177,4 @@ def test_the_cubic_is_not_worse_than_its_companion_on_a_radial_lens():
     pairs = synthetic.synthetic_correspondences(TARGET, poses, lens=truth, noise=0.4, seed=9)
     held_out = calibrate(pairs).held_out
     assert held_out is not None
-    assert held_out.rms_px <= 1.01 * held_out.companion_rms_px
+    assert held_out.rms_px <= 1.01 * held_out.radial_rms_px

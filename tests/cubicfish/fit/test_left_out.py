@@ -18,7 +18,7 @@ from cubicfish.fit.prior import (
     Prior,
     _choose_likeliest,
     choose_prior,
-    ray_prior,
+    tie_to,
 )
 from cubicfish.fit.radial_reference import fit_radial
 from cubicfish.fit.refinement import refine_object
@@ -108,12 +108,12 @@ def test_all_priors_at_once_are_as_one_by_one(reference, held):
     leave_one_out = LeaveOneOut(result, FOLDS)
     weights = np.array([10.0, 1.0, 0.01])
     for spread in (0.0, 1e-3, 1e-2):
-        rays = ray_prior(reference, spread)
-        priors = replace(result.lens, ray_prior=rays).priors(weights)
+        rays = tie_to(reference, spread)
+        priors = replace(result.lens, tie=rays).pulls_under(weights)
         together = dict(leave_one_out.residuals(priors))
         for place, weight in enumerate(weights):
-            lens = replace(result.lens, ray_prior=replace(rays, weight=weight))
-            own = lens.prior()
+            lens = replace(result.lens, tie=replace(rays, weight=weight))
+            own = lens.pulls()
             if weight == PRIOR.weight:
                 np.testing.assert_allclose(priors[place], own, atol=1e-6 * np.abs(own).max())
             alone = dict(leave_one_out.residuals(own[None]))
@@ -129,7 +129,7 @@ def test_what_a_group_put_in_is_what_is_not_left(reference, held):
     leave_one_out = LeaveOneOut(fit, FOLDS)
     for group, (shared, pose, corner) in zip(FOLDS, leave_one_out.steps(), strict=True):
         others = np.setdiff1d(np.arange(8), group)
-        rest = leave_one_out._sum_up(others).with_priors(fit.lens.prior(), fit.world)
+        rest = leave_one_out._sum_up(others).with_pulls(fit.lens.pulls(), fit.world)
         assert rest.eliminated(1e-9).keeps_poses == (level == "points")
         step = shared, pose[others], corner
         for part, wanted in zip(step, rest.solve(1e-9), strict=True):
@@ -142,7 +142,7 @@ def test_what_a_group_put_in_is_what_is_not_left(reference, held):
 def test_a_lens_that_no_bent_one_is_near_to_is_told_by_one_that_sees_all(reference, times, turned):
     """A few photos in the middle of a narrow lens may ask for any."""
     prior = fit_cubic(reference, Prior(spread=1e-2, weight=0.01), relative_decrease=1e-4)
-    prior = prior.lens.ray_prior
+    prior = prior.lens.tie
     still = prior.near.still
     seen, _ = prior.lens.seen(still)
     bent = np.stack([np.cos(turned * still.theta**2), np.sin(7 * still.theta)], -1)
@@ -154,8 +154,8 @@ def test_a_lens_that_no_bent_one_is_near_to_is_told_by_one_that_sees_all(referen
 def test_another_prior_steps_as_the_equations_with_it_do(reference):
     result = fit_cubic(reference, PRIOR, relative_decrease=1e-4)
     normal = result.normal
-    other = replace(result.lens, ray_prior=replace(ray_prior(reference, 1e-2), weight=0.1))
-    change = other.prior() - result.lens.prior()
+    other = replace(result.lens, tie=replace(tie_to(reference, 1e-2), weight=0.1))
+    change = other.pulls() - result.lens.pulls()
     changed = replace(
         normal,
         shared=normal.shared + change[:-1],

@@ -7,8 +7,8 @@ from decentred_mirror import DecentredMirror
 
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.evaluate import evaluate
-from cubicfish.fit.nearest_cubic import nearest_bent_cubic
-from cubicfish.fit.prior import ray_prior
+from cubicfish.fit.nearest_cubic import nearest_decentred_cubic
+from cubicfish.fit.prior import tie_to
 from cubicfish.fit.radial_reference import fit_radial
 from cubicfish.models.cubic import pole_or_fold_deg
 from cubicfish.solve.statistics import rms_px
@@ -51,13 +51,13 @@ def test_a_point_is_seen_where_its_ray_comes_from(distance):
 
 def test_a_mirror_that_is_not_centred_is_met_although_no_radial_lens_is_near(pairs):
     found = calibrate(pairs, target=TARGET, refine_target="off", hold_out=False)
-    assert found.fit.companion_rms_px > 1.5
+    assert found.fit.radial_rms_px > 1.5
     assert found.fit.rms_px < 0.095
     assert evaluate(found.camera, photos(30, 99)).errors.rms_px < 0.14
 
 
 def test_the_prior_of_an_asymmetric_lens_is_that_of_its_own_cubic(reference):
-    radial, bent = ray_prior(reference, 0.0), ray_prior(reference, 1e-2)
+    radial, bent = tie_to(reference, 0.0), tie_to(reference, 1e-2)
     assert radial.near is reference.cubic
     # It counts by its own noise.
     assert bent.denominator_weight < 0.2 * radial.denominator_weight
@@ -78,4 +78,4 @@ def test_where_a_bent_lens_has_no_sound_cubic_the_radial_lenss_stays(reference):
     turned = mirrored * [-1, 1] + [2 * near.lens.centre[0], 0]
     blind = np.full_like(turned, np.inf)
     for pixel in (turned, blind):
-        assert nearest_bent_cubic(near, pixel, 0.1, 100.0).lens is near.lens
+        assert nearest_decentred_cubic(near, pixel, 0.1, 100.0).lens is near.lens

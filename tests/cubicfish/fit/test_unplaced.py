@@ -49,7 +49,7 @@ def test_they_are_in_no_figure_of_a_fit(pairs, fit):
     assert len(fit.pairs.pixel) == len(reported) == fit.errors.corners
     assert fit.errors.rms_px == pytest.approx(rms_px(fit.residual[reported]))
     assert fit.errors.median_px == pytest.approx(np.median(length[reported]))
-    assert fit.fit.companion_rms_px > fit.errors.rms_px / 2
+    assert fit.fit.radial_rms_px > fit.errors.rms_px / 2
     assert fit.fit.uncertainty.noise_px == pytest.approx(NOISE, rel=0.25)
     held_out = fit.held_out
     assert held_out is not None

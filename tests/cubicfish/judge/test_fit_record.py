@@ -18,6 +18,7 @@ from cubicfish.judge.fit_record import (
     PoseRecord,
 )
 from cubicfish.judge.pupil import PupilEffect
+from cubicfish.judge.records import key_of
 
 ZOOM = Finding(code=Code.TOO_DARK, severity=Severity.CARE, images=("a.png",))
 POSE = PoseRecord(rotation_vector=(0.1, 0.2, 0.3), translation=(1.0, 2.0, 3.0))
@@ -49,11 +50,19 @@ def test_it_comes_back_from_its_plain_data() -> None:
 
 
 def test_its_keys_are_the_fields_of_its_lift() -> None:
-    names = [one.name for one in fields(FitRecord)]
+    names = [key_of(one) for one in fields(FitRecord)]
     ray, point = (list(FitRecord(rms_px=1.0, lift=lift).as_record()) for lift in ("ray", "point"))
     assert [name for name in names if name in ray or name in point] == names
     assert {*point} - {*ray} == {"lift", "frame", "plain_rms_px", "reweighted_rms_px"}
     assert not {"uncertainty", "findings", "companion_rms_px"} & {*point}
+
+
+def test_files_have_other_names_for_the_radial_reference() -> None:
+    known = FitRecord(rms_px=1.0, radial_rms_px=2.0, radial_held_out_rms_px=3.0)
+    record = known.as_record()
+    assert (record["companion_rms_px"], record["companion_held_out_rms_px"]) == (2, 3)
+    assert not {"radial_rms_px", "radial_held_out_rms_px"} & {*record}
+    assert FitRecord.of(record) == known
 
 
 def test_nothing_known_is_nothing_written() -> None:
@@ -72,7 +81,7 @@ def test_older_files_lack_keys_and_newer_ones_have_others() -> None:
 @pytest.mark.parametrize("odd", ["x", None, True, [], {"a": 1}, [1, "x"], 10**400, float("inf")])
 def test_what_is_of_another_kind_is_not_known(odd: Any) -> None:
     for one in fields(FitRecord):
-        found = FitRecord.of({"coverage": 0.5, one.name: odd})
+        found = FitRecord.of({"coverage": 0.5, key_of(one): odd})
         verbatim = {"frame", "unfit_images", "held_out_by_level", "flat", "renamed_images"}
         if one.name not in {"coverage", *verbatim}:
             assert found == FitRecord(coverage=0.5), one.name

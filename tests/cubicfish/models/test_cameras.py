@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lenses import cubic_camera, numeric_jacobian, radial_camera, random_rays
 
-from cubicfish.fit.asymmetric import BentFit, StillRays
-from cubicfish.fit.lenses import CubicFit, NearestCubic, RayPrior
+from cubicfish.fit.decentred import DecentredFit, StillRays
+from cubicfish.fit.lenses import CubicFit, NearestCubic, Tie
 from cubicfish.geometry import kannala_brandt, kannala_brandt_slope
 from cubicfish.models.cubic import UNPROJECT_TOLERANCE_PX, CubicCamera
 from cubicfish.models.lift import SIZE, sphere_basis
@@ -156,7 +156,7 @@ def test_slope_of_the_radial_profile():
 LENSES = {
     "radial": FreeLens.of(radial_camera()),
     "radial, two terms": FreeLens.of(radial_camera(k=(0.01, -0.003, 0, 0)), fixed=("k3", "k4")),
-    "bent": BentFit(
+    "bent": DecentredFit(
         values=np.array([*radial_camera().parameters, 2e-3, -1e-3, 4e-3, 3e-3, -2e-3]),
         terms=4,
         noise_px=0.1,
@@ -164,7 +164,7 @@ LENSES = {
         anchor=np.array([470.0, 350.0]),
         anchor_px=4.0,
     ),
-    "bent, one term": BentFit(
+    "bent, one term": DecentredFit(
         values=np.array([*radial_camera(k=(0.01, 0, 0, 0)).parameters, 0, 1e-3, 0, 3e-3, 1e-3]),
         terms=1,
         noise_px=0.1,
@@ -196,9 +196,9 @@ def _cubic_fit() -> CubicFit:
     )
     return replace(
         free,
-        ray_prior=RayPrior(
+        tie=Tie(
             near=near,
-            lens=BentFit(
+            lens=DecentredFit(
                 values=np.array([*radial_camera().parameters, 0, 0, 0, 0, 0]),
                 terms=4,
                 noise_px=0.1,
@@ -253,7 +253,7 @@ def test_derivatives_by_the_parameters(lens):
     start = lens.parameters
     _, _, d_parameters = lens.pixel_and_slopes(points)
     assert d_parameters.shape == (60, 2, len(start))
-    prior = lens.prior()
+    prior = lens.pulls()
     assert prior.shape == (len(start) + 1, len(start) + 1)
     for index in range(len(start)):
         step = np.zeros_like(start)
@@ -261,14 +261,14 @@ def test_derivatives_by_the_parameters(lens):
         up, down = lens.with_parameters(start + step), lens.with_parameters(start - step)
         slope = (up.project(points) - down.project(points)) / (2 * step[index])
         np.testing.assert_allclose(d_parameters[:, :, index], slope, rtol=1e-4, atol=1e-3)
-        costs = [0.5 * moved.prior()[-1, -1] for moved in (up, down)]
+        costs = [0.5 * moved.pulls()[-1, -1] for moved in (up, down)]
         slope = (costs[0] - costs[1]) / (2 * step[index])
         assert prior[index, -1] == pytest.approx(slope, rel=1e-4, abs=1e-2)
 
 
 def test_what_the_nearest_lens_can_follow_is_not_held():
     lens = _cubic_fit()
-    prior = lens.ray_prior
+    prior = lens.tie
     _, _, by_cubic = lens.pixel_and_slopes(prior.near.rays)
     pixel = lens.project(prior.near.rays)
     _, (_, by_lens) = prior.nearest(pixel)
@@ -277,7 +277,7 @@ def test_what_the_nearest_lens_can_follow_is_not_held():
     # P's changes that move its pixels as the nearest lens's parameters do, as far as P can.
     change = np.linalg.lstsq(by_cubic.reshape(pixel.size, -1), wanted, rcond=None)[0]
     moved = by_cubic.reshape(pixel.size, -1) @ change
-    held = np.sqrt(np.einsum("ij,ik,kj->j", change, lens.prior()[:-1, :-1], change))
+    held = np.sqrt(np.einsum("ij,ik,kj->j", change, lens.pulls()[:-1, :-1], change))
     like = np.linalg.norm(moved - wanted, axis=0) < 0.1
     assert like.sum() >= 8
     assert (held[like] < 0.15 * prior.weight).all()

@@ -9,8 +9,14 @@ import pytest
 from saved_maps import every_pixel
 from scipy.spatial.transform import Rotation
 
-from cubicfish import CameraFileError, CubicCamera, ViewError, load_camera, stitch
-from cubicfish.comparison import aligned_difference
+from cubicfish import (
+    CameraFileError,
+    CubicCamera,
+    ViewError,
+    aligned_difference,
+    load_camera,
+    stitch,
+)
 from cubicfish.models import cone_rays
 from cubicfish.rigs import Body, RigCamera
 from cubicfish.rigs.panorama import edge_distance

@@ -12,7 +12,7 @@ pytest.importorskip("av")
 
 import av
 from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film, write_sound
-from json_keys import keys_of
+from reference import keys_of
 from running import Run
 
 from cubicfish import load_camera

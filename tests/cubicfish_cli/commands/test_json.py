@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import pytest
 from command_tree import commands
-from json_keys import keys_of
 from lenses import smaller
+from reference import keys_of
 from running import SAMPLE, Run
 
 from cubicfish import load_camera
@@ -25,7 +25,7 @@ PHOTO = SAMPLE / "photos" / "corner_01.jpg"
 TABLES = {"project", "unproject"}
 
 KEYS: dict[str, Mapping[str, str]] = {
-    " ".join(words[1:]): keys_of("-".join(words[1:]))
+    " ".join(words[1:]): keys_of(" ".join(words[1:]))
     for words, command in commands()
     if any("--json" in param.opts for param in command.params)
 }

@@ -25,7 +25,6 @@ import cubicfish
 from cubicfish import Target, load_corners
 from cubicfish.find.identification.second_pass import Prediction
 from cubicfish.fit import calibrate as fit
-from cubicfish.fit import point_fit
 from cubicfish.observe import detection, glances
 from cubicfish.rigs import alone
 from cubicfish.workers import cluster, pool
@@ -391,7 +390,7 @@ def worked_out_once() -> Iterator[None]:
         patch.setattr(cubicfish, "calibrate_rig", once(cubicfish.calibrate_rig))
         patch.setattr(cubicfish, "evaluate_rig", once(cubicfish.evaluate_rig))
         patch.setattr(exporting, "to_lens", once(exporting.to_lens))
-        patch.setattr(point_fit, "calibrate_points", once(point_fit.calibrate_points))
+        patch.setattr(cubicfish.fit, "calibrate_points", once(cubicfish.fit.calibrate_points))
         patch.setattr(simulate, "chosen_poses", once(simulate.chosen_poses))
         patch.setattr(detection, "name_grids", once(detection.name_grids))
         patch.setattr(detection, "predicted_corners", once(detection.predicted_corners))

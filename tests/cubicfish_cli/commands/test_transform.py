@@ -45,7 +45,7 @@ def test_what_is_known_of_the_camera_goes_along(run: Run, calibrated: Path, tmp_
     before = known.uncertainty((np.array(inside) + 0.5) / 0.5 - 0.5 + [100, 60])
     np.testing.assert_allclose(made.uncertainty(inside), 0.5 * before, rtol=0.05)
     assert made.fit.rms_px == pytest.approx(0.5 * known.fit.rms_px)
-    assert made.fit.companion_rms_px == pytest.approx(0.5 * known.fit.companion_rms_px)
+    assert made.fit.radial_rms_px == pytest.approx(0.5 * known.fit.radial_rms_px)
     assert made.fit.covered_deg == known.fit.covered_deg
     assert made.camera.max_angle_deg == known.camera.max_angle_deg
     assert made.fit.poses.keys() == known.fit.poses.keys()

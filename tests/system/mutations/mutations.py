@@ -155,7 +155,7 @@ MUTATIONS = tuple(
             "cubicfish/models/test_cameras",
         ),
         (
-            "cubicfish/fit/asymmetric.py",
+            "cubicfish/fit/decentred.py",
             "= -focal * tilted[:, None]",
             "= focal * tilted[:, None]",
             "cubicfish/models/test_cameras",

@@ -20,8 +20,7 @@ from synthetic import (
 from cubicfish import Target, aligned_difference
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.uncertainty import field_grid
-from cubicfish.judge import ErrorStatistics, FieldUncertainty, FitRecord
-from cubicfish.judge.codes import Code
+from cubicfish.judge import Code, ErrorStatistics, FieldUncertainty, FitRecord
 from cubicfish.judge.uncertainty import UncertaintyGrid, summed
 from cubicfish.judge.verdict import COVERAGE, verdict
 from cubicfish.models import angle_from_axis
@@ -358,7 +357,7 @@ def test_pairs_without_a_target_get_regions_only(poor):
 
 FINE = {
     **vars(ErrorStatistics(rms_px=0.1, median_px=0.08, p95_px=0.2, max_px=0.4, corners=900)),
-    "images": 12, "held_out_rms_px": 0.1, "companion_held_out_rms_px": 0.2, "coverage": 0.9,
+    "images": 12, "held_out_rms_px": 0.1, "radial_held_out_rms_px": 0.2, "coverage": 0.9,
     "covered_deg": 80.0, "rank": 16,
 }  # fmt: skip
 
@@ -372,7 +371,7 @@ FINE = {
         ({"images": 2, "held_out_rms_px": np.nan}, Code.NOT_HELD_OUT),
         ({"images": 5, "flat": True}, Code.FEW_PHOTOS_OF_A_PLANE),
         ({"uncertainty": UncertaintyGrid(median_px=0.7)}, Code.UNCERTAIN),
-        ({"companion_held_out_rms_px": 0.05}, Code.RADIAL_IS_NEARER),
+        ({"radial_held_out_rms_px": 0.05}, Code.RADIAL_IS_NEARER),
     ],
 )
 def test_verdict_and_advice_judge_alike_whether_photos_are_enough(changed, lacking):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from equality import same_records
-from json_keys import keys_of
+from reference import keys_of
 from running import Run, run_cli
 from simulated import CornerErrors
 from simulated_rig import corner_target, simulated_rig
@@ -74,7 +74,7 @@ def made(folder: Path) -> tuple[Path, dict[str, Any]]:
 @pytest.mark.slow
 def test_it_says_in_json_what_it_writes(made: tuple[Path, dict[str, Any]]) -> None:
     rig, record = made
-    assert set(record) == set(keys_of("rig-calibrate"))
+    assert set(record) == set(keys_of("rig calibrate"))
     held = yaml.safe_load((rig / "rig.yaml").read_text())
     assert held["cubicfish_rig"] == 1
     assert held["cameras"] == record["cameras"]
@@ -120,7 +120,7 @@ def test_what_is_written_reads_back(made: tuple[Path, dict[str, Any]]) -> None:
 def test_info_knows_rigs(run: Run, made: tuple[Path, dict[str, Any]]) -> None:
     rig, record = made
     found = json.loads(run("rig", "info", rig / "rig.yaml", "--json").stdout)
-    assert set(found) <= set(keys_of("rig-info"))
+    assert set(found) <= set(keys_of("rig info"))
     assert found["rig"]["cameras"] == record["cameras"]
     said = run("rig", "info", rig).stdout
     assert "2 cameras, 8 shots" in said
@@ -224,7 +224,7 @@ def test_a_rig_is_evaluated_on_shots(
     rig, record = made
     args = [folder / "left.csv", folder / "right.csv", "-t", folder / "target.yaml"]
     found = json.loads(run("rig", "evaluate", rig / "rig.yaml", *args, "--json").stdout)
-    assert set(found) <= set(keys_of("rig-evaluate"))
+    assert set(found) <= set(keys_of("rig evaluate"))
     # The very shots that it was fitted to: no more error than then, and none less.
     assert found["rms_px"] == pytest.approx(record["fit"]["rms_px"], rel=0.02)
     assert found["alone_rms_px"] < found["rms_px"]
@@ -266,7 +266,7 @@ def test_two_rigs_are_compared(
         (tmp_path / name / "camera.yaml").write_text(text)
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(held, sort_keys=False))
     found = json.loads(run("rig", "compare", rig, tmp_path, "--json").stdout)
-    assert set(found) <= set(keys_of("rig-compare"))
+    assert set(found) <= set(keys_of("rig compare"))
     left, right = found["cameras"]
     assert left["shift"] == [0, 0, 0]
     assert left["sigmas"] is None
@@ -363,6 +363,60 @@ def test_shots_may_be_listed(
     args += [*models, "--shots", tmp_path / "shots.csv", "-o", tmp_path / "rig", "--json"]
     record = json.loads(run(*args).stdout)
     assert [one["shot"] for one in record["fit"]["per_shot"]] == ["s1", "s2", "s3", "s4", "s5"]
+
+
+def with_known_lenses(folder: Path, rig: Path) -> list[object]:
+    """The command that calibrates both cameras of the folder again, with the lenses of a rig."""
+    lenses = [f"--lens={name}={rig / name}" for name in ("left", "right")]
+    return [*calibrate_pair(folder), *lenses]
+
+
+def test_what_an_earlier_rig_left_is_removed(
+    run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    rig = tmp_path / "rig"
+    shutil.copytree(made[0], rig)
+    left = [rig / "target.refined.yaml", rig / "report.html"]
+    for path in left:
+        path.write_text("of an earlier rig")
+    line = [*with_known_lenses(folder, made[0]), "-o", rig, "--no-report"]
+    assert "exists already" in run(*line, code=1).stderr
+    assert all(path.exists() for path in left)
+    said = " ".join(run(*line, "--overwrite").stderr.split())
+    assert not any(path.exists() for path in left)
+    assert all(f"removed {path}" in said for path in left)
+    assert (rig / "rig.yaml").exists()
+
+
+def test_tables_of_shots_are_read_before_photos_are_searched(
+    run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    table = tmp_path / "shots.csv"
+    table.write_text("shot,camera\n")
+    line = [*with_known_lenses(folder, made[0]), "--shots", table, "-o", tmp_path / "rig"]
+    said = run(*line, code=1).stderr
+    assert "shots.csv" in said
+    assert "Camera left" not in said
+    table.write_text("shot,camera,image\none,rear,a.png\n")
+    assert "Camera left" in run(*line, code=1).stderr
+
+
+@pytest.mark.usefixtures("with_report")
+def test_a_rig_is_not_lost_where_its_page_fails(
+    run: Run,
+    folder: Path,
+    made: tuple[Path, dict[str, Any]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fail(rig: Rig) -> str:
+        raise RuntimeError(f"no picture of {len(rig.cameras)} cameras")
+
+    monkeypatch.setattr("cubicfish_cli.extensions.rigs.page.rig_html", fail)
+    said = run(*with_known_lenses(folder, made[0]), "-o", tmp_path / "rig").stderr
+    assert "no picture of 2 cameras" in " ".join(said.split())
+    assert (tmp_path / "rig" / "rig.yaml").exists()
+    assert not (tmp_path / "rig" / "report.html").exists()
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from json_keys import keys_of
 from mrcal_itself import ask_mrcal, needs_mrcal
+from reference import keys_of
 from running import Run
 from scipy.spatial.transform import Rotation
 
@@ -59,7 +59,7 @@ def three(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def exported(run: Run, rig: Path, path: Path, name: str) -> dict:
     said = run("rig", "export", rig, "--to", name, "-o", path, "--max-error", 3, "--json").stdout
     record: dict = json.loads(said)
-    assert set(record) <= set(keys_of("rig-export"))
+    assert set(record) <= set(keys_of("rig export"))
     return record
 
 

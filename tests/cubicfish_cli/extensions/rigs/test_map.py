@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from json_keys import keys_of
+from reference import keys_of
 from running import Run
 from saved_maps import read_map
 
@@ -25,7 +25,7 @@ def test_maps_show_one_point_in_one_row(run: Run, pair: Path, tmp_path: Path, ki
     out = tmp_path / "out.npz"
     args = ["--pair", "left,right", "-m", pair, "--view", kind, "--scale", "150", "--json"]
     record = json.loads(run("rig", "map", out, *args).stdout)
-    assert set(record) <= set(keys_of("rig-map"))
+    assert set(record) <= set(keys_of("rig map"))
     assert [Path(file).name for file in record["files"]] == ["out_left.npz", "out_right.npz"]
     about = yaml.safe_load((tmp_path / "out.stereo.yaml").read_text())
     assert about == record["stereo"]

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from json_keys import keys_of
+from reference import keys_of
 from running import Run
 
 from cubicfish_cli import load_rig
@@ -45,7 +45,7 @@ def test_a_shot_becomes_a_panorama(run: Run, rig: Path, shots: Path, tmp_path: P
     photos = [shots / name / "0001.png" for name in ("right", "left")]
     args = ["-m", rig, "--mask", tmp_path / "mask.png", "--camera", out, "--json"]
     record = json.loads(run("rig", "undistort", *photos, out, *args).stdout)
-    assert set(record) <= set(keys_of("rig-undistort"))
+    assert set(record) <= set(keys_of("rig undistort"))
     assert record["view"]["kind"] == "equirectangular"
     assert record["files"] == [str(out)]
     picture = cv2.imread(str(out)).astype(float)

@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 from synthetic_lenses import SYNTHETIC_LENSES, MirrorProfile, RaysAtDistance, synthetic_lens
 
 from cubicfish import aligned_difference
-from cubicfish.fit.asymmetric import BentFit
+from cubicfish.fit.decentred import DecentredFit
 from cubicfish.models import cone_rays
 
 CENTRAL = ("equisolid", "orthographic")
@@ -65,7 +65,7 @@ def test_none_is_of_the_family_that_p_is_held_to(name):
     rays = cone_rays(radians(lens.max_angle_deg - 3), 3000)
     rays = rays[rays[:, 2] < np.cos(radians(lens.min_angle_deg + 1))]
     truth = lens.far.project(rays)
-    start = BentFit(
+    start = DecentredFit(
         values=np.array([*lens.focal, *lens.centre, *np.zeros(9)]), terms=4, noise_px=1, spread=1
     )
 

@@ -46,7 +46,7 @@ class StillRays:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class BentFit(FitLens):
+class DecentredFit(FitLens):
     """A Kannala–Brandt lens with Brown's decentring (1966), a tilted sensor and skew.
 
     With (a, b) = r(θ) (x, y)/√(x² + y²)::
@@ -83,7 +83,7 @@ class BentFit(FitLens):
         """(K,) the free values."""
         return self.values[self._free]
 
-    def with_parameters(self, parameters: FloatArray) -> BentFit:
+    def with_parameters(self, parameters: FloatArray) -> DecentredFit:
         """The same lens with other parameters."""
         values = self.values.copy()
         values[self._free] = parameters
@@ -160,7 +160,7 @@ class BentFit(FitLens):
             by_values = by_values[:, free]
         return np.ascontiguousarray(by_values.transpose(2, 0, 1))
 
-    def prior(self) -> FloatArray:
+    def pulls(self) -> FloatArray:
         """The weak pulls to symmetry and to the anchor: see :class:`FitLens`."""
         aim, spread = np.zeros(len(self.values)), np.full(len(self.values), np.inf)
         spread[8:] = self.spread or np.inf
