@@ -9,8 +9,8 @@ In a program::
     flat = undistort(photo, calibration.camera)
 
 What the names below offer is described in docs/library.md. They are loaded when they are first
-used, so that importing the package loads nothing else. Nothing here prints, and files are written
-by ``choose_frames`` and what is called ``..._files``, ``save`` or ``save_...`` alone.
+used, so that importing the package loads nothing else. Nothing here prints, and of these names
+only what is called ``save`` or ``save_...`` writes files that stay.
 
 Conventions, the same everywhere in the package:
 

@@ -1,27 +1,17 @@
-"""cubicfish: fisheye calibration with the cubic polynomial camera of Zhu & Yin (2010).
+"""The program ``cubicfish``, written against the library of that name.
 
-In a program::
+What a command does is a function that takes a record of its options, from files to files::
 
-    from cubicfish import Target, calibrate, detect
-    from cubicfish_cli.undistortion.images import undistort
+    from cubicfish_cli import DetectOptions, detect_files
 
-    target = Target.load("target.yaml")
-    calibration = calibrate(detect("photos/", target), target)
-    flat = undistort(photo, calibration.camera)
+    found = detect_files(DetectOptions(photos="photos/", target="target.yaml"))
 
-What the names below offer is described in docs/library.md. They are loaded when they are first
-used, so that importing the package loads nothing else. Nothing here prints, and files are written
-by ``choose_frames`` and what is called ``..._files``, ``save`` or ``save_...`` alone.
+These functions are described in docs/library.md. The main names of the library may be imported
+from here too. All names are loaded when they are first used, so that importing the package loads
+nothing else. Nothing here prints, and files are written by ``choose_frames`` and what is called
+``..._files``, ``save`` or ``save_...`` alone.
 
-Conventions, the same everywhere in the package:
-
-- Pixel (0, 0) is the centre of the top-left pixel, x to the right, y down, as in
-  ``cv2.remap``. Sizes are ``(width, height)``.
-- The camera frame has x to the right, y down and z forward.
-- Lengths are in the target file's ``units``. Transforms are named
-  ``camera_from_world``: a rotation vector (radians) and a translation.
-- Angles are radians inside and degrees in files and options, where names end in ``_deg``.
-- Arrays hold points along their leading axes: ``(..., 3)`` in, ``(..., 2)`` out.
+Conventions are those at the top of ``cubicfish/__init__.py``.
 """
 
 __version__ = "0.1.0"

@@ -1,4 +1,4 @@
-"""The public names, for type checkers: each is loaded when it is first used."""
+"""The names that the program offers to others: the library's `lazy.py` reads them too."""
 
 from cubicfish import Calibration as Calibration
 from cubicfish import CameraFile as CameraFile

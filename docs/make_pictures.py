@@ -145,7 +145,7 @@ def rig(folder: Path) -> None:
     from rigs import NOISE, SETUPS, lens_of  # type: ignore[import-not-found]
     from simulated_rig import combined, simulated_rig  # type: ignore[import-not-found]
 
-    from cubicfish_cli import save_corners, save_target
+    from cubicfish import save_corners, save_target
     from cubicfish_cli.extensions.simulation.simulate import render
 
     setup, names = SETUPS["four"], ("front", "right", "rear", "left")

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 import yaml
 
+import cubicfish
 import cubicfish_cli
 
 ROOT = Path(__file__).parents[2]
@@ -32,6 +33,7 @@ def test_versions_are_one() -> None:
         "CITATION.cff": yaml.safe_load(text("CITATION.cff"))["version"],
         "recipe/recipe.yaml": yaml.safe_load(text("recipe/recipe.yaml"))["context"]["version"],
     }
+    reported["cubicfish"] = cubicfish.__version__
     assert set(reported.values()) == {cubicfish_cli.__version__}, reported
 
 
