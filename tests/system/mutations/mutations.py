@@ -116,19 +116,19 @@ MUTATIONS = tuple(
             "cubicfish/solve/adjustment.py",
             "[cross(rotated, by_point).transpose(2, 0, 1), d_point]",
             "[-cross(rotated, by_point).transpose(2, 0, 1), d_point]",
-            "cubicfish/fit/test_adjustment",
+            "cubicfish/solve/test_adjustment",
         ),
         (
             "cubicfish/solve/adjustment.py",
             "scale * (distance - 0.5 * scale)",
             "scale * distance",
-            "cubicfish/fit/test_adjustment",
+            "cubicfish/solve/test_adjustment",
         ),
         (
             "cubicfish/solve/normal_equations.py",
             "shared[np.ix_(own, np.append(own, -1))] += prior[:-1]",
             "shared[np.ix_(own, own)] += prior[:-1, :-1]",
-            "cubicfish/fit/test_adjustment",
+            "cubicfish/solve/test_adjustment",
         ),
         (
             "cubicfish/fit/lenses.py",

@@ -5,7 +5,7 @@ import pytest
 from synthetic import checkerboard
 
 from cubicfish_cli.render.board_faces import board_face
-from tests.cubicfish_cli.extensions.simulation.test_faces_markers import aprilgrid, charuco
+from tests.cubicfish_cli.render.test_board_faces import aprilgrid, charuco
 
 
 def ink_rectangles(board):

@@ -21,7 +21,7 @@ from cubicfish_cli.extensions.printing.objects import BAND, design
 from cubicfish_cli.extensions.printing.paper import paper
 from cubicfish_cli.inputs.target_source import length_mm
 from cubicfish_cli.render.board_faces import board_face
-from tests.cubicfish_cli.extensions.simulation.test_faces_markers import aprilgrid
+from tests.cubicfish_cli.render.test_board_faces import aprilgrid
 
 MARGIN = 8.0
 TYPES = ("checkerboard", "charuco", "aprilgrid")

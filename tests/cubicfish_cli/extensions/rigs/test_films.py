@@ -33,7 +33,7 @@ from cubicfish_cli.films.choose import choose, choose_shots
 from cubicfish_cli.films.scan import Measured, scan
 from cubicfish_cli.films.source import Film, open_films
 from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix
-from tests.cubicfish_cli.extensions.films.test_films import at
+from tests.cubicfish_cli.films.test_choose import at
 
 SIZE = (480, 360)
 

@@ -11,12 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lenses import cubic_camera, random_rays
 
-from cubicfish import CameraFile, CameraFileError, OutputError, load_any_camera, load_camera
+from cubicfish import (
+    CameraFile,
+    CameraFileError,
+    OutputError,
+    load_any_camera,
+    load_camera,
+    save_camera,
+)
 from cubicfish.io import PointCameraFile
 from cubicfish.io.camera_yaml import camera_text
 from cubicfish.judge import FitRecord
 from cubicfish.models import PointCamera
-from cubicfish_cli import save_camera
 
 FIT = {"rms_px": 0.1, "per_image": [{"image": "ä b.png", "corners": 3}], "held_out_rms_px": None}
 MADE_BY = {"version": "0", "options": {"target": "no"}}

@@ -14,7 +14,7 @@ from cubicfish.photos.photos import find_photos
 from cubicfish.target.target import Target
 from cubicfish.workers.pool import Work
 
-SAMPLE = Path(__file__).parents[4] / "sample_data"
+SAMPLE = Path(__file__).parents[3] / "sample_data"
 TARGET = Target.load(SAMPLE / "target.yaml")
 
 
