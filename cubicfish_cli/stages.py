@@ -94,11 +94,6 @@ def origin(
     return run.made_by(options, target or observed[0].target_file, files)
 
 
-def camera_contents(text: str, corners: Observations | None) -> dict[str, Content]:
-    """What a camera's own files hold, by kind; no corners where they need not be written."""
-    return {"camera": text, **({} if corners is None else {"corners": corners_content(corners)})}
-
-
 def corners_content(corners: Observations) -> Content:
     """What writes ``corners.csv``."""
     from cubicfish import save_corners

@@ -1,7 +1,6 @@
 """The names that this package offers: `lazy.py` reads them too."""
 
 from cubicfish.angles import angle_from_axis as angle_from_axis
-from cubicfish.geometry import decentring as decentring
 from cubicfish.models.formula_lens import FocalLens as FocalLens
 from cubicfish.models.formula_lens import FormulaLens as FormulaLens
 from cubicfish.models.lens import Lens as Lens

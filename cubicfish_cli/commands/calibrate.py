@@ -22,8 +22,8 @@ from cubicfish_cli.plan import Plan
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.render.pages import PAGE
 from cubicfish_cli.stages import (
-    camera_contents,
     camera_files,
+    corners_content,
     extension_outputs,
     origin,
     page,
@@ -342,8 +342,9 @@ def _make_contents(
     """Return what the planned files hold, by their kind; None for those that are not to be."""
     from cubicfish import Calibration
 
-    corners = observed.corners if "corners" in goals else None
-    contents: dict[str, Content | None] = dict(camera_contents(fitted.text(), corners))
+    contents: dict[str, Content | None] = {"camera": fitted.text()}
+    if "corners" in goals and observed.corners is not None:
+        contents["corners"] = corners_content(observed.corners)
     if nominal is not None:
         contents["drawn"] = nominal
     if isinstance(fitted, Calibration):

@@ -9,7 +9,7 @@ from told import raises_told
 
 from cubicfish import DetectionError, Target, load_corners
 from cubicfish.find.identification.identified import Decided
-from cubicfish.judge.codes import Code
+from cubicfish.judge import Code
 from cubicfish.observe import detection as passes
 from cubicfish.observe.detection import first_pass
 from cubicfish.photos import find_photos

@@ -14,8 +14,7 @@ from told import raises_told
 
 from cubicfish import DetectionError, Finding, Observations, PhotoError, Run, Target, read_picture
 from cubicfish.find.detection.grids import FoundGrids, Grid
-from cubicfish.judge import Severity
-from cubicfish.judge.codes import Code
+from cubicfish.judge import Code, Severity
 from cubicfish.observe import glances
 from cubicfish.photos import Photo
 from cubicfish_cli.extensions.films.command import FramesOptions, choose_frames

@@ -14,7 +14,7 @@ from reference import keys_of, load_script
 from running import Run
 
 import cubicfish_cli
-from cubicfish.judge.fit_record import FitRecord
+from cubicfish.judge import FitRecord
 from cubicfish.judge.records import key_of
 
 ROOT = Path(__file__).parents[2]

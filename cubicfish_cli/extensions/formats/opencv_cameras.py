@@ -349,7 +349,7 @@ _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?", r
 _ROOT = "opencv_storage"
 
 
-def read_file_storage(path: Path) -> dict[str, Any]:
+def read_file_storage(path: Path) -> Mapping[str, Any]:
     """Read a FileStorage file: mappings, lists, text, numbers.
 
     Raises:

@@ -107,8 +107,8 @@ def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
     import numpy as np
 
     from cubicfish import load_rig, rectify
-    from cubicfish.views import CentralView, ChosenView, choose_view, sees
-    from cubicfish_cli.undistortion.map_formats import MapInBands, camera_path, map_paths
+    from cubicfish.views import CentralView, ChosenView, MapInBands, choose_view, sees
+    from cubicfish_cli.undistortion.map_formats import camera_path, map_paths
 
     goal, photo_size = Path(options.output), options.photo_size
     map_paths(goal)  # its name is refused first

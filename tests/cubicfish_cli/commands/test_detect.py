@@ -12,7 +12,7 @@ from cubicfish import Finding, OutputError, Target, load_corners
 from cubicfish.find import PhotoReport
 from cubicfish.find.detection.grids import FoundGrids
 from cubicfish.find.identification.identified import Decided, GridReport
-from cubicfish.judge.codes import Code
+from cubicfish.judge import Code
 from cubicfish.photos import Photo
 from cubicfish_cli.render.drawings import drawings
 from cubicfish_cli.terminal.figures import lost_word

@@ -10,8 +10,7 @@ from running import SAMPLE, Run
 from terminals import Screen, widest
 
 from cubicfish import Finding, Verdict
-from cubicfish.judge import ErrorStatistics, Severity
-from cubicfish.judge.codes import Code
+from cubicfish.judge import Code, ErrorStatistics, Severity
 from cubicfish_cli.commands import calibrate
 from cubicfish_cli.terminal import figures, terminal
 from cubicfish_cli.terminal.figures import PhotoRow

@@ -10,7 +10,7 @@ from cubicfish import Finding, Observations
 from cubicfish.find import PhotoReport
 from cubicfish.find.detection.grids import FoundGrids, Grid
 from cubicfish.find.identification.identified import Decided, GridReport, Place
-from cubicfish.judge.codes import Code
+from cubicfish.judge import Code
 from cubicfish_cli.render.overlay import BOARD_COLOURS, LEFT_OUT, _Canvas, draw_found
 from cubicfish_cli.words.remarks import problem_of
 

@@ -14,9 +14,9 @@ import cubicfish
 import cubicfish_cli
 from cubicfish import Event, Finding, PhotoError, Target
 from cubicfish.diagnosis import ObjectFacts, Turn
-from cubicfish.judge import Severity
-from cubicfish.judge.codes import Code, Remedy, remedy_of
-from cubicfish.judge.finding import FindingText, level_of, of_record
+from cubicfish.judge import Code, FindingText, Severity
+from cubicfish.judge.codes import Remedy, remedy_of
+from cubicfish.judge.finding import level_of, of_record
 from cubicfish_cli.words.camera import photo_words
 from cubicfish_cli.words.events import OPTIONS, why_ended
 from cubicfish_cli.words.phrases import percent

@@ -20,8 +20,7 @@ from synthetic import (
 from cubicfish import Target, aligned_difference
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.uncertainty import field_grid
-from cubicfish.judge import ErrorStatistics, FieldUncertainty, FitRecord
-from cubicfish.judge.codes import Code
+from cubicfish.judge import Code, ErrorStatistics, FieldUncertainty, FitRecord
 from cubicfish.judge.uncertainty import UncertaintyGrid, summed
 from cubicfish.judge.verdict import COVERAGE, verdict
 from cubicfish.models import angle_from_axis
