@@ -17,9 +17,10 @@ PACKAGES = ("cubicfish", *sorted(
 ))  # fmt: skip
 
 MOST_NAMES = 134  # at the end 120
-MOST_INTERNAL = 9  # never more than this: lower it with every name that is no longer taken
+MOST_INTERNAL = 8  # never more than this: lower it with every name that is no longer taken
 # Full name -> why it is taken all the same; at most ten.
 EXCEPTIONS: dict[str, str] = {
+    "cubicfish.arguments.refuse_misfit": "records of the program are held as arguments are",
     "cubicfish.find.detection.finder": "benchmarks/detection.py counts the patches that it grows",
     "cubicfish.lazy.lazy_names": "the program's own names are loaded in the same way",
     "cubicfish.photos.photos.one_opencv_thread": "a state of the process, which can be one alone",
