@@ -1,7 +1,7 @@
 """Verdict on a calibration: good, usable with care or not to be trusted, and why.
 
-It reads the plain record that camera.yaml keeps, so that a calibration of last year is judged as
-one of today is. Limits are in pixels of a photo of up to 2000 pixels per side; larger photos have
+It reads the plain record that camera.yaml keeps, so that an old calibration is judged as a new one
+is. Limits are in pixels of a photo of up to 2000 pixels per side; larger photos have
 smaller pixels, and limits grow in proportion.
 """
 
