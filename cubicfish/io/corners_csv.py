@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish.arrays import Refusal
 from cubicfish.errors import CorrespondenceError
-from cubicfish.files.reading import MAX_COORDINATE
+from cubicfish.files.reading import MAX_COORDINATE, MAX_SIDE
 from cubicfish.files.tables import Table
 from cubicfish.files.whole_files import write_files
 from cubicfish.target.observations import Observations
@@ -22,7 +21,7 @@ PAIR_COLUMNS = ("image", "X", "Y", "Z", "x", "y")
 _CERTAIN = "certain"
 # The newest version of each kind of file that is read.
 _VERSIONS = {"corners": 2, "correspondences": 1}
-_SIZE = "([0-9]{1,6})x([0-9]{1,6})"
+_SIZE = "([0-9]{1,6})[xX×]([0-9]{1,6})"
 
 
 def load_corners(
@@ -147,18 +146,19 @@ def _find_image_size(table: Table, kind: str, given: tuple[int, int] | None) -> 
             )
         return given
     version = f"[1-{_VERSIONS[kind]}]"
-    size = re.fullmatch(
-        rf"cubicfish\s+{kind}\s+{version}\s*,\s*image_size\s+{_SIZE}", table.comment
-    )
-    if size is None:
+    first = re.fullmatch(rf"cubicfish\s+{kind}\s+{version}\s*,\s*image_size\s+(\S+)", table.comment)
+    if first is None:
         raise CorrespondenceError(
             f"{table.name}, line 1: it must be '# cubicfish {kind} 1, image_size WxH', not "
             f"{quoted(table.comment)}: name another file, or use a newer cubicfish"
         )
-    try:
-        stated = Refusal(error=CorrespondenceError).size((int(size[1]), int(size[2])))
-    except CorrespondenceError as error:
-        raise CorrespondenceError(f"{table.name}, line 1: {error}") from error
+    size = re.fullmatch(_SIZE, first[1])
+    stated = (int(size[1]), int(size[2])) if size else (0, 0)
+    if not all(0 < side <= MAX_SIDE for side in stated):
+        raise CorrespondenceError(
+            f"{table.name}, line 1: {quoted(first[1])} is not an image size: write WIDTHxHEIGHT, "
+            "such as 1280x800"
+        )
     if given is not None and stated != given:
         raise CorrespondenceError(
             f"{table.name}, line 1: the image size is {stated[0]}x{stated[1]} here, "
