@@ -16,9 +16,8 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from pkgutil import resolve_name
 from typing import Any, NamedTuple
 
-from cubicfish import CubicfishError, quoted
+from cubicfish import CubicfishError, quoted, shown
 from cubicfish.arguments import refuse_misfit
-from cubicfish.wording import is_name
 from cubicfish_cli.core_table import CALIBRATION_FILES, COMMANDS, FRAMES, MAPS, commands_of
 from cubicfish_cli.extension_table import GROUP, TABLE, CameraFormat, Extension, Output
 
@@ -122,7 +121,7 @@ class _Loaded:
             taken = name in self.sound
             self._places[name] = place
             try:
-                if taken or not is_name(name):
+                if taken or not _is_printed(name):
                     raise _BadExtension("another one is called so" if taken else "it has no name")
                 record = _load_record(place)
                 self.formats[name] = _read_formats(name, record)
@@ -216,8 +215,13 @@ def _check_place(at: str) -> None:
 def _check_file_name(output: Output) -> None:
     name = output.file
     parts = {PurePosixPath(name).name, PureWindowsPath(name).name}
-    if not is_name(name) or parts != {name} or name.startswith("."):
+    if not _is_printed(name) or parts != {name} or name.startswith("."):
         raise _BadExtension(f"{quoted(name)} is no name of a file in the calibration's folder")
+
+
+def _is_printed(name: str) -> bool:
+    """Whether a name is printed as it is, without blanks at its ends."""
+    return shown(name).strip() == name != ""
 
 
 def _read_toml(path: Path) -> dict[str, Any]:
