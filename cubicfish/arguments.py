@@ -154,7 +154,7 @@ def _is_of(value: Any, origin: Any, inner: Sequence[Any]) -> bool:
         return True
     if getattr(origin, "_is_protocol", False):
         return all(hasattr(value, name) for name in _members(origin))
-    if _is_of_many(origin):
+    if inner and _is_of_many(origin):
         return _is_series(value, origin)
     return isinstance(value, origin)
 
@@ -274,9 +274,9 @@ def _describe(kind: Any) -> str:
         return "something else"
     if issubclass(origin, os.PathLike):
         return "a path"
-    if issubclass(origin, Mapping):
+    if inner and issubclass(origin, Mapping):
         return f"a mapping to {_describe(inner[1])}"
-    if _is_of_many(origin):
+    if inner and _is_of_many(origin):
         count = str(len(inner)) if origin is tuple and Ellipsis not in inner else "some"
         return f"a list of {count}, each {_describe(inner[0])}"
     return _with_article(origin.__name__)

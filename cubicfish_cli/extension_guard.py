@@ -16,13 +16,15 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from pkgutil import resolve_name
 from typing import Any, NamedTuple
 
-from cubicfish import CubicfishError, quoted, shown
+from cubicfish import CubicfishError, quoted
 from cubicfish.arguments import refuse_misfit
 from cubicfish_cli.core_table import CALIBRATION_FILES, COMMANDS, FRAMES, MAPS, commands_of
 from cubicfish_cli.extension_table import GROUP, TABLE, CameraFormat, Extension, Output
 
 _COMMAND = re.compile(r"(?:[a-z][a-z0-9-]* )?[a-z][a-z0-9-]*")
 _PLACE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
+# Such as no path has, and no message breaks at.
+_NAME = re.compile(r"[\w+-][\w+. -]{0,60}[\w+-]|[\w+-]")
 _MOST_BYTES = 1_000_000
 
 
@@ -121,7 +123,7 @@ class _Loaded:
             taken = name in self.sound
             self._places[name] = place
             try:
-                if taken or not _is_printed(name):
+                if taken or not _NAME.fullmatch(name):
                     raise _BadExtension("another one is called so" if taken else "it has no name")
                 record = _load_record(place)
                 self.formats[name] = _read_formats(name, record)
@@ -215,13 +217,8 @@ def _check_place(at: str) -> None:
 def _check_file_name(output: Output) -> None:
     name = output.file
     parts = {PurePosixPath(name).name, PureWindowsPath(name).name}
-    if not _is_printed(name) or parts != {name} or name.startswith("."):
+    if not _NAME.fullmatch(name) or parts != {name}:
         raise _BadExtension(f"{quoted(name)} is no name of a file in the calibration's folder")
-
-
-def _is_printed(name: str) -> bool:
-    """Whether a name is printed as it is, without blanks at its ends."""
-    return shown(name).strip() == name != ""
 
 
 def _read_toml(path: Path) -> dict[str, Any]:

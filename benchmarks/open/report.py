@@ -40,8 +40,8 @@ def spread(error, name):
     return {f"{name}_median": np.median(error), f"{name}_p95": high, f"{name}_rms": rms}
 
 
-def row_of(folder):
-    """All figures of one tool on one camera, and its arrays for the plots."""
+def row_of(folder, count):
+    """All figures of one tool on one camera, of so many folds, and its arrays for the plots."""
     about = json.loads((folder / "about.json").read_text(encoding="utf-8"))
     pieces = {file.stem: known(folder, file.stem) for file in folder.glob("[!a]*.[nj]*")}
     full, found = pieces.get("full", {}), pieces.get("detect", {})
@@ -64,12 +64,14 @@ def row_of(folder):
             parts = [one.get(key, one.get(other)) for one in own if key in one or other in one]
             row |= spread(np.concatenate(parts), name)
     good = [one for one in folds if "px" in one]
+    if len(good) < count and full and not problems:
+        row["problem"] = f"{len(good)} of {count} folds are done"
     if good:
         row["arrays"] = {key: np.concatenate([one[key] for one in good]) for key in ("px", "angle")}
         photo = np.concatenate([one["photo"] for one in good])
         row["projected"] = np.isfinite(row["arrays"]["px"]).mean()
         row["low"], row["high"] = interval(row["arrays"]["px"], photo)
-        row["folds"] = f"{len(good)} of {len(folds)}"
+        row["folds"] = f"{len(good)} of {count}"
     if "recalled" in found:
         row["recall"], row["recalled"] = found["recalled"].mean(), found["recalled"]
     told = [found.get("problem", ""), *(one.get("export_problem", "") for one in folds)]
@@ -202,15 +204,13 @@ def main():
     missing = json.loads((work / "missing.json").read_text(encoding="utf-8"))
     cameras, lines = {}, []
     for name in [one for one in names if one not in missing]:
-        rows = dict(row_of(folder) for folder in (work / "results" / name).iterdir())
-        rows = {tool: rows[tool] for tool in tools if tool in rows}
         job = np.load(work / "jobs" / name / "job.npz")
         fold = np.arange(len(job["names"])) % min(FOLDS, len(job["names"]))
         fold = np.where(job["test"], 0, -1) if job["test"].any() else fold
-        of_corner = fold[job["image"]]
-        add_angles(
-            rows, np.concatenate([np.flatnonzero(of_corner == k) for k in range(fold.max() + 1)])
-        )
+        of_corner, count = fold[job["image"]], fold.max() + 1
+        rows = dict(row_of(folder, count) for folder in (work / "results" / name).iterdir())
+        rows = {tool: rows[tool] for tool in tools if tool in rows}
+        add_angles(rows, np.concatenate([np.flatnonzero(of_corner == k) for k in range(count)]))
         about = json.loads((work / "jobs" / name / "about.json").read_text(encoding="utf-8"))
         cameras[name] = about, rows
         for tool, row in rows.items():

@@ -69,6 +69,8 @@ MISFITS = [
     ({}, npt.NDArray[Any], "an array, not an empty dict"),
     (object(), Camera, "a Camera, not an object: load_camera(path).camera is one"),
     ("x", Options, "an Options, not 'x'"),
+    (3, range, "a range, not 3"),
+    ([], dict, "a dict, not an empty list"),
 ]
 
 

@@ -20,13 +20,13 @@ MOST_NAMES = 128  # at the end 120
 MOST_INTERNAL = 0  # never more than this: lower it with every name that is no longer taken
 # Full name -> why it is taken all the same; at most ten.
 EXCEPTIONS: dict[str, str] = {
+    "cubicfish.arguments.refuse_misfit": "records of the program are held as arguments are",
     "cubicfish.find.detection.finder": "benchmarks/detection.py counts the patches that it grows",
     "cubicfish.lazy.lazy_names": "the program's own names are loaded in the same way",
     "cubicfish.photos.photos.one_opencv_thread": "a state of the process, which can be one alone",
     "cubicfish.threads.one_blas_thread": "a state of the process, which can be one alone",
     "cubicfish.models.lift.lift": "benchmarks/paper.py repeats the paper's sums, monomials and all",
     "cubicfish.fit.point_fit.fit_ratio": "benchmarks/paper.py repeats the paper's own fit",
-    "cubicfish.arguments.refuse_misfit": "options and extensions are held to annotations as calls",
     "cubicfish.files.whole_files.remove_orphans": "workers that died far away left some",
     "cubicfish.geometry.outermost": "frames of films are told apart by it, as photos of a fit are",
     "cubicfish.target.placement.best_named": "a page names corners as the fit did that it shows",

@@ -264,7 +264,7 @@ def test_a_failure_is_a_row_and_the_rest_is_measured(load, tmp_path, crash):
     assert not list(folder.glob("*.begun"))
     (folder / "about.json").write_text(json.dumps({"tool": "tool"}))
     report = load("report")
-    tool, row = report.row_of(folder)
+    tool, row = report.row_of(folder, 5)
     assert row["folds"] == "4 of 5"
     assert row["px_median"] < 1e-4
     assert row["rms_px"] == 0.5
@@ -274,7 +274,7 @@ def test_a_failure_is_a_row_and_the_rest_is_measured(load, tmp_path, crash):
     adapter.write_text("raise SystemError")
     (folder / "fold1.npz").unlink()
     run.tried(sys.executable, "", adapter, "tool", job, folder, 2)
-    assert "SystemError" in report.row_of(folder)[1]["problem"]
+    assert "SystemError" in report.row_of(folder, 5)[1]["problem"]
 
 
 def test_intervals_and_winners(load):

@@ -49,6 +49,7 @@ def test_a_point_is_seen_where_its_ray_comes_from(distance):
     assert np.ptp(passed) > 1.0
 
 
+@pytest.mark.slow
 def test_a_mirror_that_is_not_centred_is_met_although_no_radial_lens_is_near(pairs):
     found = calibrate(pairs, target=TARGET, refine_target="off", hold_out=False)
     assert found.fit.radial_rms_px > 1.5

@@ -50,6 +50,7 @@ def test_p_keeps_its_pixels_in_another_normalisation():
     np.testing.assert_allclose(again.coefficients, moved.coefficients, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_same_lens_has_the_same_cubic_every_time():
     """Wherever its arrays lie in memory."""
     camera, half_deg, _ = CAMERAS["pinhole"]

@@ -95,6 +95,7 @@ def test_names_that_photos_left_out_speak_against_are_not_taken() -> None:
     assert better_named(fits[:1]).held_out is given
 
 
+@pytest.mark.slow
 def test_a_refined_board_says_which_way_round_new_photos_show_it() -> None:
     target = drawn(6, 4)
     truth = photos(6, 4, 0.1)

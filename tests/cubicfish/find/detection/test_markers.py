@@ -424,6 +424,7 @@ def test_small_squares_are_found_at_twice_the_size():
     assert np.sqrt(np.mean(away**2)) < 0.08
 
 
+@pytest.mark.slow
 def test_the_photo_says_where_corners_are_at_whatever_size_they_were_found():
     target = Target(units="mm", boards=(wall("front", "charuco", (5, 4), 24.0),))
     photo = photo_of(target)

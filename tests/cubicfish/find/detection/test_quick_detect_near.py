@@ -102,6 +102,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return done
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [PLAIN, MARKED], ids=["plain", "marked"])
 def test_a_board_is_found_with_less_work_wherever_it_is(target, work) -> None:
     near = []
@@ -121,6 +122,7 @@ def test_a_board_is_found_with_less_work_wherever_it_is(target, work) -> None:
         near.append(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [PLAIN, MARKED], ids=["plain", "marked"])
 def test_small_squares_are_found_where_the_next_picture_shows_some(target, work) -> None:
     side = {False: 17, True: 19}[target.has_markers]
@@ -137,6 +139,7 @@ def test_small_squares_are_found_where_the_next_picture_shows_some(target, work)
         assert sum(work) < 0.8 * photo.size / module._choose_zoom(photo, target) ** 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [PLAIN, MARKED], ids=["plain", "marked"])
 def test_nothing_depends_on_the_pictures_before(target) -> None:
     shown = quick_detect(picture(target, (200, 120, 40))[0], target)
@@ -164,6 +167,7 @@ def test_a_board_within_the_place_of_another_is_found_once() -> None:
     assert_found(quick_detect_near(photo, PLAIN, near), truth)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [PLAIN, MARKED], ids=["plain", "marked"])
 def test_boards_are_expected_between_and_beyond_their_places(target) -> None:
     side = {False: 17, True: 19}[target.has_markers]
