@@ -10,11 +10,11 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from glob import has_magic
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import Self
 
 from cubicfish import OutputError, Run, UsageError
 from cubicfish.files import Content, refuse_existing, write_files
-from cubicfish.files.whole_files import refuse_outside, temporary_name
 from cubicfish_cli.inputs.paths import RECORDING_SUFFIXES, file_and_topic
 from cubicfish_cli.inputs.target_source import TargetSource
 
@@ -84,12 +84,10 @@ class Plan:
                 be neither replaced nor left out, is elsewhere, or cannot be written.
 
         """
-        if within is not None:
-            refuse_outside(within, paths)
         self._refuse_inputs(paths)
         self._refuse_twice(paths)
         wanted = [path for path in paths if not (self._skips and path.is_file())]
-        refuse_existing(*wanted, overwrite=self._overwrite, can_skip=self._can_skip)
+        refuse_existing(*wanted, overwrite=self._overwrite, can_skip=self._can_skip, folder=within)
         return wanted
 
     def leaves(self, *paths: Path) -> None:
@@ -196,11 +194,9 @@ def _identity(path: Path) -> _Identity | None:
 def _tells_case(folder: Path) -> bool:
     """Whether names in a folder that differ in large and small letters only are two files."""
     above = next(one for one in (folder, *folder.parents) if one.is_dir())
-    trial = temporary_name(above / "a")
     try:
-        trial.touch(exist_ok=False)
-        alike = trial.with_name(trial.name.swapcase()).exists()
-        trial.unlink()
+        with NamedTemporaryFile(prefix=".a", suffix=".part", dir=above) as file:
+            trial = Path(file.name)
+            return not trial.with_name(trial.name.swapcase()).exists()
     except OSError:  # nothing can be written there, which is said elsewhere
         return True
-    return not alike

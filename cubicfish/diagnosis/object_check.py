@@ -7,7 +7,7 @@ into each other. Everything is judged on the nominal target.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -44,6 +44,11 @@ class Turn:
     onto: tuple[str, ...]
     angle_deg: float
     axis: FloatArray
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON: ``angle_deg``, ``axis``, and ``onto``, by the boards' names."""
+        onto = dict(zip(self.boards, self.onto, strict=True))
+        return {"angle_deg": self.angle_deg, "axis": self.axis, "onto": onto}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,5 +9,4 @@ from cubicfish.files.tables import Table as Table
 from cubicfish.files.whole_files import Content as Content
 from cubicfish.files.whole_files import StrPath as StrPath
 from cubicfish.files.whole_files import refuse_existing as refuse_existing
-from cubicfish.files.whole_files import whole_file as whole_file
 from cubicfish.files.whole_files import write_files as write_files

@@ -40,15 +40,21 @@ Content = str | bytes | Callable[[Path], object]
 given."""
 
 
-def refuse_existing(*paths: Path, overwrite: bool, can_skip: bool = False) -> None:
+def refuse_existing(
+    *paths: Path, overwrite: bool, can_skip: bool = False, folder: Path | None = None
+) -> None:
     """Raise :class:`OutputError` when one of ``paths`` may not be replaced, or cannot be written.
 
     Args:
         paths: the files that are to be written.
         overwrite: whether they may be replaced.
         can_skip: whether the calling command can leave out existing files.
+        folder: the folder that must hold all of them, at any depth, where their names were read
+            from a file.
 
     """
+    if folder is not None:
+        _refuse_outside(folder, paths)
     for path in paths:
         if os.path.isdir(path):
             raise OutputError("is a folder: give the name of a file", about=str(path))
@@ -66,7 +72,7 @@ def refuse_existing(*paths: Path, overwrite: bool, can_skip: bool = False) -> No
         _refuse_unwritable(path)
 
 
-def refuse_outside(folder: Path, paths: Iterable[Path]) -> None:
+def _refuse_outside(folder: Path, paths: Iterable[Path]) -> None:
     """Raise :class:`OutputError` when one of ``paths`` leads out of the folder that was named.
 
     The user names the folder, but names of files in it may come from somebody else's file.
@@ -94,7 +100,7 @@ def _refuse_unwritable(path: Path) -> None:
         return
     if not folder.is_dir():
         raise OutputError(f"cannot be written: {folder} is a file, not a folder", about=str(path))
-    trial = temporary_name(folder / path.name)
+    trial = _temporary_name(folder / path.name)
     try:
         os.close(os.open(trial, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
         os.unlink(trial)
@@ -157,14 +163,13 @@ def whole_files(
     """
     paths = [Path(path) for path in paths]
     if folder is not None:
-        refuse_outside(folder, (*paths, *obsolete))
-    for path in paths:
-        refuse_existing(path, overwrite=overwrite)
-    for folder in {path.parent for path in paths}:
-        if not _was_searched(folder):
-            remove_orphans(folder)
-    together = {path: temporary_name(path) for path in paths}
-    aside = {path: temporary_name(path) for path in (*paths, *obsolete)} if overwrite else {}
+        _refuse_outside(folder, obsolete)
+    refuse_existing(*paths, overwrite=overwrite, folder=folder)
+    for place in {path.parent for path in paths}:
+        if not _was_searched(place):
+            remove_orphans(place)
+    together = {path: _temporary_name(path) for path in paths}
+    aside = {path: _temporary_name(path) for path in (*paths, *obsolete)} if overwrite else {}
     try:
         with _naming(*paths, *obsolete):
             for path in paths:
@@ -254,7 +259,7 @@ _MOST_ENTRIES = 20_000
 _STEM_BYTES = 100
 
 
-def temporary_name(path: Path) -> Path:
+def _temporary_name(path: Path) -> Path:
     """A new name beside ``path`` with its suffix, which says that the file is not finished.
 
     It is hidden, ``.camera.<family>-<process>-<random>.part.yaml`` for ``camera.yaml``, and names

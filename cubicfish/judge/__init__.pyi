@@ -6,6 +6,5 @@ from cubicfish.judge.codes import Severity as Severity
 from cubicfish.judge.finding import FindingText as FindingText
 from cubicfish.judge.fit_record import ErrorStatistics as ErrorStatistics
 from cubicfish.judge.fit_record import FitRecord as FitRecord
-from cubicfish.judge.fit_record import Origin as Origin
 from cubicfish.judge.fit_record import PhotoRecord as PhotoRecord
 from cubicfish.judge.uncertainty import FieldUncertainty as FieldUncertainty

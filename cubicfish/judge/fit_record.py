@@ -271,3 +271,8 @@ class Origin:
     def of(cls, made_by: Mapping[str, Any]) -> Origin:
         """Read the origin of a calibration from plain data, which may hold other things too."""
         return read_record(cls, made_by) or cls()
+
+    @property
+    def day(self) -> str | None:
+        """The date, for people."""
+        return self.date.replace("T", " ").replace("+00:00", " UTC") if self.date else None

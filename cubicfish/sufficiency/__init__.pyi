@@ -4,4 +4,3 @@ from cubicfish.sufficiency.information_gain import InformationGain as Informatio
 from cubicfish.sufficiency.knowledge import Knowledge as Knowledge
 from cubicfish.sufficiency.sufficiency import CoverageGaps as CoverageGaps
 from cubicfish.sufficiency.sufficiency import Goal as Goal
-from cubicfish.sufficiency.sufficiency import side_of as side_of

@@ -109,17 +109,17 @@ class CoverageGaps:
                 parts.append(Part(sides=sides, from_deg=low, to_deg=high, share=float(share)))
         return cls(parts=tuple(sorted(parts, key=lambda part: -part.share)), cells=cells)
 
+    @staticmethod
+    def side_of(offset: FloatArray) -> str:
+        """Return which side an offset (2,) from the axis is on, such as upper left."""
+        return _SIDES[int(_find_eighth(offset))]
+
 
 def _find_eighth(offset: FloatArray) -> IntArray:
     """Return the eighth of the picture of offsets (..., 2) from the axis, an index of _SIDES."""
     turn = azimuth(offset)
     eighth: IntArray = np.rint(turn / (np.pi / 4)).astype(np.intp) % 8
     return eighth
-
-
-def side_of(offset: FloatArray) -> str:
-    """Return which side of the picture an offset (2,) from the axis is on, such as upper left."""
-    return _SIDES[int(_find_eighth(offset))]
 
 
 @dataclass(frozen=True, kw_only=True)

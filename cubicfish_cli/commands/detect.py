@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run
 from cubicfish.files import StrPath
-from cubicfish_cli.inputs.paths import named_photos, paths_of
+from cubicfish_cli.inputs.paths import named_photos, path_or_none, paths_of
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import figures, parameters
@@ -124,8 +124,9 @@ def detect_files(options: DetectOptions, *, run: Run = Run()) -> DetectedFiles:
     plan = Plan(run).reads(options.photos, source)
     plan.writes(file)
     found = named_photos(paths_of(options.photos), run.listener)
-    pictures = {} if options.draw is None else drawings(Path(options.draw), found)
-    plan.writes(*pictures.values())
+    folder = path_or_none(options.draw)
+    pictures = {} if folder is None else drawings(folder, found)
+    plan.writes(*pictures.values(), within=folder)
     detection = find_corners(found, source.load(run.listener), run)
     save_corners(file, detection.corners, overwrite=run.overwrite)
     if options.draw is None:

@@ -31,7 +31,7 @@ from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Target
-    from cubicfish.diagnosis import ObjectFacts, Turn
+    from cubicfish.diagnosis import ObjectFacts
     from cubicfish.target import Board
 
 _LABEL = 12
@@ -100,7 +100,7 @@ class TargetCheck:
             "units": self.target.units,
             "boards": [_record_board(board) for board in self.target.boards],
             **{name: getattr(self.facts, name) for name in _FACTS},
-            "symmetries": list(map(_record_turn, self.facts.symmetries)),
+            "symmetries": [turn.as_record() for turn in self.facts.symmetries],
             "advice": [{"about": label, "text": text} for label, text in self.advice],
             **({} if self.drawing is None else {"drawing": self.drawing}),
         }
@@ -138,14 +138,6 @@ def _record_board(board: Board) -> dict[str, Any]:
         "square": board.square,
         "print": print_size(board),
         "faces": None if board.points is not None else -board.axes[2] + 0.0,
-    }
-
-
-def _record_turn(turn: Turn) -> dict[str, Any]:
-    return {
-        "angle_deg": turn.angle_deg,
-        "axis": turn.axis,
-        "onto": dict(zip(turn.boards, turn.onto, strict=True)),
     }
 
 

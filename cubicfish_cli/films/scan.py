@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish import Event, Listener, PhotoError, read_picture, shown
-from cubicfish.files import whole_file
+from cubicfish.files import write_files
 from cubicfish_cli.films.measure import Grey, motion, sharpness, small_picture
 from cubicfish_cli.films.source import Film, frames, missing_frames, opened
 
@@ -200,8 +200,7 @@ def write_frame(path: Path, frame: Any) -> None:
     """
     grey = frame.format.name.startswith("gray")
     picture = frame.to_ndarray(format="gray" if grey else "bgr24")
-    with whole_file(path, overwrite=True) as temporary:
-        temporary.write_bytes(_encode(picture, path.suffix))
+    write_files({path: _encode(picture, path.suffix)}, overwrite=True)
 
 
 def copy_as_png(kept: Path, path: Path) -> None:

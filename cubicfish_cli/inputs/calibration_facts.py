@@ -29,7 +29,7 @@ from cubicfish import (
 )
 from cubicfish.files import Fingerprint
 from cubicfish.io import PointCameraFile, load_correspondences
-from cubicfish.judge import FitRecord, Origin, PhotoRecord
+from cubicfish.judge import FitRecord, PhotoRecord
 from cubicfish.models import angle_from_axis
 from cubicfish.photos import find_photos
 from cubicfish.solve import rms_px
@@ -43,7 +43,8 @@ from cubicfish_cli.words.sufficiency import summary
 if TYPE_CHECKING:
     from cubicfish.fit import PointCalibration
 
-    Known = Calibration | CameraFile | PointCalibration | PointCameraFile
+    Loaded = CameraFile | PointCameraFile
+    Known = Calibration | PointCalibration | Loaded
     from cubicfish.models import PointCamera
 
 REFINED = ("shape", "points")
@@ -311,13 +312,12 @@ def facts_of_files(
     """
     loaded = load_any_camera(camera_file)
     origin, folder = loaded.origin, camera_file.parent
-    refined = loaded.fit.refine_target in REFINED
-    nominal = _find_target(target, folder, origin, refined=refined)
+    nominal = _find_target(target, folder, loaded)
     thing = None if nominal is None else target_in(nominal)
     beside = corners or folder / _CORNERS
-    table = _find_table(beside, folder, origin, thing)
+    table = _find_table(beside, folder, loaded, thing)
     if table is None:
-        pairs, lack = None, _explain_lack(folder, origin, thing, refined=refined)
+        pairs, lack = None, _explain_lack(folder, loaded, thing)
     else:
         is_named = table == beside or origin.target is not None
         size = loaded.camera.image_size
@@ -337,11 +337,11 @@ def facts_of_files(
     )
 
 
-def _find_target(given: Path | None, folder: Path, origin: Origin, *, refined: bool) -> Path | None:
+def _find_target(given: Path | None, folder: Path, loaded: Loaded) -> Path | None:
     """The target as fitted: beside the camera where it was fitted too, else the nominal one."""
-    if refined:
+    if loaded.fit.refine_target in REFINED:
         return _find_beside(folder, _REFINED) or given
-    return given or _find_recorded(origin.target, folder) or _find_beside(folder, _TARGET)
+    return given or _find_recorded(loaded.origin.target, folder) or _find_beside(folder, _TARGET)
 
 
 def _find_photos(given: Sequence[Path], names: Sequence[str]) -> dict[str, Path]:
@@ -375,8 +375,9 @@ def facts_of_fit(
     return gather(fitted, pairs=pairs, target=target, files=files)
 
 
-def _find_table(beside: Path, folder: Path, origin: Origin, target: Target | None) -> Path | None:
+def _find_table(beside: Path, folder: Path, loaded: Loaded, target: Target | None) -> Path | None:
     """The table of corners or points: beside the camera, else the one that it came from."""
+    origin = loaded.origin
     if target is not None and beside.is_file():
         return beside
     table = _find_recorded(origin.inputs[0], folder) if len(origin.inputs) == 1 else None
@@ -390,11 +391,11 @@ def _load_pairs(table: Path, target: Target | None, size: tuple[int, int]) -> Ob
     return load_corners(table, target, image_size=size)
 
 
-def _explain_lack(folder: Path, origin: Origin, target: Target | None, *, refined: bool) -> str:
+def _explain_lack(folder: Path, loaded: Loaded, target: Target | None) -> str:
     """What is missing of the corners, or of what they are of."""
-    has_corners = (folder / _CORNERS).is_file()
+    origin, has_corners = loaded.origin, (folder / _CORNERS).is_file()
     if target is None and (has_corners or (origin.inputs and origin.target is not None)):
-        if refined:
+        if loaded.fit.refine_target in REFINED:
             return f"the target was fitted too, and {_REFINED} is not beside the camera"
         if origin.target is not None:
             name = quoted(origin.target.file)

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path, PurePath
 
 from cubicfish import OutputError
-from cubicfish.files.whole_files import refuse_outside
 from cubicfish.photos import Photo
 
 
@@ -26,7 +25,6 @@ def drawings(folder: Path, photos: Sequence[Photo]) -> dict[str, Path]:
         paths = [folder / f"{name}.png" for name in names]
         # File systems may not tell a from A.
         apart = names is full or len({name.casefold() for name in names}) == len(names)
-        refuse_outside(folder, paths)
         if apart and taken.isdisjoint(map(os.path.realpath, paths)):
             return dict(zip(full, paths, strict=True))
     raise OutputError(f"drawings in {folder} would replace photos: choose another folder")

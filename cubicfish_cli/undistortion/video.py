@@ -15,7 +15,7 @@ from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -32,7 +32,7 @@ from cubicfish import (
     ViewError,
     shown,
 )
-from cubicfish.files import whole_file
+from cubicfish.files import write_files
 from cubicfish.views import Interpolation, ViewOptions
 from cubicfish_cli.films.source import (
     decode,
@@ -63,6 +63,14 @@ _CENTRED = frozenset(["mjpeg"])
 # Planes of green, blue and red. They are kept where the options allow no loss: H.264 has an encoder
 # of its own for them, others take them as they are.
 _RGB = "gbrp"
+
+
+class _Rendered(NamedTuple):
+    """What came of a video: how its frames were remapped, and how many it has and lacks."""
+
+    remapper: _PlaneRemapper
+    frames: int
+    missing: int
 
 
 def video_size(path: Path) -> Size:
@@ -125,19 +133,14 @@ class VideoViews(Views):
 
         """
         source, output = job.source, job.outputs[""]
-        progress = self._listener.counting(job.name)
+        made: list[_Rendered] = []
         try:
-            with whole_file(output, overwrite=overwrite) as temporary, opened(source) as film:
-                container, stream = film
-                with naming(source):
-                    made = self.maps(source, (stream.width, stream.height))[""]
-                writer = _Writer(temporary, output, container, stream, made, self._crf)
-                with closing(writer):
-                    codec = stream.codec_context.name
-                    remapper = _PlaneRemapper(made, self.interpolation, writer.pixel_format, codec)
-                    frames, missing = _run(source, container, stream, remapper, writer, progress)
+            write_files(
+                {output: lambda part: made.append(self._render(job, part))}, overwrite=overwrite
+            )
         except CubicfishError as problem:
             return problem
+        ((remapper, frames, missing),) = made
         if remapper.turned_deg:
             turned_deg = remapper.turned_deg
             self._listener.tell(Event.VIDEO_TURNED, video=output, turned_deg=turned_deg)
@@ -147,6 +150,20 @@ class VideoViews(Views):
             f"{shown(source)} is cut short: it announces {frames + missing:,} frames and has "
             f"{frames:,}, which {shown(output)} holds: copy it again if you can"
         )
+
+    def _render(self, job: Job, path: Path) -> _Rendered:
+        """Write a video to the name that it has while it is not finished."""
+        source, output = job.source, job.outputs[""]
+        progress = self._listener.counting(job.name)
+        with opened(source) as (container, stream):
+            with naming(source):
+                made = self.maps(source, (stream.width, stream.height))[""]
+            writer = _Writer(path, output, container, stream, made, self._crf)
+            with closing(writer):
+                codec = stream.codec_context.name
+                remapper = _PlaneRemapper(made, self.interpolation, writer.pixel_format, codec)
+                frames, missing = _run(source, container, stream, remapper, writer, progress)
+        return _Rendered(remapper, frames, missing)
 
 
 def _run(

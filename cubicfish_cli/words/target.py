@@ -11,7 +11,7 @@ from cubicfish_cli.words.phrases import pick
 
 if TYPE_CHECKING:
     from cubicfish import Target
-    from cubicfish.diagnosis import ObjectFacts, Turn
+    from cubicfish.diagnosis import ObjectFacts
 
 # More examples than this are not read.
 _MOST = 4
@@ -67,12 +67,8 @@ def _advise_on_names(target: Target, facts: ObjectFacts) -> Iterator[str]:
 
 
 def _advise_on_turns(target: Target, facts: ObjectFacts) -> Iterator[str]:
-    alone, more = len(facts.plain) == 1, len(facts.symmetries) - _MOST
-    for turn in facts.symmetries[:_MOST]:
-        same = pick(alone, "it", "the target")
-        yield f"{_describe_turn(turn, alone=alone)} {same} looks the same."
-    if more > 0:
-        yield f"So it does after {more} more turns."
+    yield from _describe_turns(facts)
+    alone = len(facts.plain) == 1
     oblong = any(board.has_squares and board.columns != board.rows for board in target.boards)
     if facts.symmetries:
         upright = "columns to the right, rows down"
@@ -114,9 +110,15 @@ def _advise_on_sizes(target: Target) -> Iterator[str]:
             )
 
 
-def _describe_turn(turn: Turn, *, alone: bool) -> str:
-    if alone:
-        return f"Turned by {turn.angle_deg:.0f}° about the middle of {turn.boards[0]}"
-    axis = ", ".join(f"{round(float(value), 2) + 0.0:g}" for value in turn.axis)
-    moved = ", ".join(f"{a} → {b}" for a, b in zip(turn.boards, turn.onto, strict=True))
-    return f"Turned by {turn.angle_deg:.0f}° about the axis ({axis}) ({moved})"
+def _describe_turns(facts: ObjectFacts) -> Iterator[str]:
+    for turn in facts.symmetries[:_MOST]:
+        if len(facts.plain) == 1:
+            about, same = f"the middle of {turn.boards[0]}", "it"
+        else:
+            axis = ", ".join(f"{round(float(value), 2) + 0.0:g}" for value in turn.axis)
+            moved = ", ".join(f"{a} → {b}" for a, b in zip(turn.boards, turn.onto, strict=True))
+            about, same = f"the axis ({axis}) ({moved})", "the target"
+        yield f"Turned by {turn.angle_deg:.0f}° about {about} {same} looks the same."
+    more = len(facts.symmetries) - _MOST
+    if more > 0:
+        yield f"So it does after {more} more turns."

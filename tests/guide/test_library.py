@@ -495,7 +495,7 @@ def test_another_tools_file_becomes_a_camera(tmp_path: Path) -> None:
         ({"written_by": "roos"}, "did you mean 'ros'?"),
         ({"written_by": "kalibr"}, "info.yaml"),
         ({"camera": "cam1"}, "holds one camera"),
-        ({"image_size": (640, 0)}, "image_size must be two whole numbers above 0"),
+        ({"image_size": (640, 0)}, "image_size must be two whole numbers from 1 to 100000"),
         ({"image_size": (480, 640)}, "is for photos of 640x480 pixels"),
         ({"max_angle_deg": 0}, "max_angle_deg must be above 0 and at most 175, not 0"),
         ({"max_angle_deg": float("nan")}, "not nan"),

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from cubicfish import FloatArray
 from cubicfish.judge import FieldUncertainty
 from cubicfish.models import angle_from_axis
-from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge, side_of
+from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge
 from cubicfish_cli.viewpoints.views import Viewpoint
 
 MOST_PHOTOS = 12
@@ -124,7 +124,7 @@ def place_words(ray: FloatArray) -> str:
     angle = float(np.degrees(angle_from_axis(ray)))
     if angle < _MIDDLE_DEG:
         return "in the middle of the picture"
-    side = side_of(ray[:2])
+    side = CoverageGaps.side_of(ray[:2])
     word = {"bottom": "at", "top": "at", "left": "on", "right": "on"}.get(side, "in")
     return f"{word} the {side} of the picture, {angle:.0f}° from the axis"
 
@@ -145,6 +145,6 @@ def tilt_words(front: FloatArray, middle: FloatArray) -> str:
     share = 1 / max(1 + z, 1e-9)
     right = np.array([1 - x * x * share, -x * y * share, -x])
     down = np.array([-x * y * share, 1 - y * y * share, -y])
-    side = side_of(np.array([right @ front, down @ front]))
+    side = CoverageGaps.side_of(np.array([right @ front, down @ front]))
     where = {"bottom": "downwards", "top": "upwards"}.get(side, f"to the {side}")
     return f"its face turned {angle:.0f}° {where}"

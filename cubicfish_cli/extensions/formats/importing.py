@@ -6,15 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish import CameraFile, CameraFileError, did_you_mean, quoted
-from cubicfish.arrays import Refusal
 from cubicfish.files import StrPath
 from cubicfish.fit import ImportedCamera, from_lens
 from cubicfish.judge import FitRecord
 from cubicfish.models import Lens
 from cubicfish_cli.extension_guard import read_formats
+from cubicfish_cli.foreign.file_contents import Fields
 from cubicfish_cli.foreign.foreign_files import own_field_deg, read_foreign
-
-_REFUSAL = Refusal(error=CameraFileError)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,7 +106,7 @@ def import_camera(
         )
     size = None
     if image_size is not None:
-        size = _REFUSAL.size(image_size)
+        size = Fields.of(path, {"image_size": [*map(int, image_size)]}).size_of("image_size")
     lens, found = read_foreign(path, name=written_by, camera=camera, image_size=size)
     own = own_field_deg(path)
     made = from_lens(lens, max_angle_deg=own if max_angle_deg is None else max_angle_deg)

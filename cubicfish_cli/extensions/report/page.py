@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cubicfish import CubicCamera, Verdict
-from cubicfish.judge import Origin, Severity
+from cubicfish.judge import Severity
 from cubicfish_cli.extensions.report.figures import all_figures, arrow_zoom
 from cubicfish_cli.extensions.report.pictures import MOST_CARDS, all_pictures
 from cubicfish_cli.extensions.report.scene import scene_figures
 from cubicfish_cli.inputs.calibration_facts import Facts, facts_of_fit, matched
-from cubicfish_cli.render.pages.template import day_of, template
+from cubicfish_cli.render.pages.template import template
 from cubicfish_cli.words import camera as in_words
 from cubicfish_cli.words.sentences import render
 
@@ -51,7 +51,7 @@ def report_html(facts: Facts) -> str:
     if not isinstance(facts.camera, CubicCamera):
         absent.append(_POINT_ABSENT)
     names = [photo.image for photo in facts.photos]
-    origin = Origin.of(facts.known.made_by)
+    origin = facts.known.origin
     return template(Path(__file__).with_name("report.html")).render(
         facts=facts,
         known=facts.known,
@@ -78,7 +78,7 @@ def report_html(facts: Facts) -> str:
             :_MOST_DROPPED
         ],
         made=origin,
-        day=day_of(origin),
+        day=origin.day,
         absent=absent,
     )
 
@@ -118,7 +118,7 @@ def _list_boards(facts: Facts) -> dict[str, str]:
 def _list_without_corners(facts: Facts) -> list[str]:
     """Return photos of which no corner was used, beside those left out by name."""
     known = {photo.image for photo in facts.photos} | facts.fit.unfit_images.keys()
-    files = [one.file for one in Origin.of(facts.known.made_by).inputs]
+    files = [one.file for one in facts.known.origin.inputs]
     paths = [Path(file) for file in files if not file.lower().endswith(".csv")]
     taken = set(matched(sorted(known), paths).values())
     return [path.name for path in paths if path not in taken]

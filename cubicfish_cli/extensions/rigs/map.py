@@ -107,7 +107,7 @@ def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
     import numpy as np
 
     from cubicfish import load_rig, rectify
-    from cubicfish.views import CentralView, ChosenView, MapInBands, choose_view, sees
+    from cubicfish.views import CentralView, ChosenView, MapInBands, choose_view
     from cubicfish_cli.undistortion.map_formats import camera_path, map_paths
 
     goal, photo_size = Path(options.output), options.photo_size
@@ -125,7 +125,7 @@ def map_rig_files(options: RigMapOptions, *, run: Run = Run()) -> PairMapFiles:
     if photo_size is not None:
         one, other = (loaded.camera(name).camera.for_photos(photo_size) for name in both)
         between = replace(between, cameras=(one, other))
-    if not sees(between, np.array([0.0, 0.0, 1.0])):
+    if np.isnan(between.project([0.0, 0.0, 1.0])).any():
         raise ViewError(
             "the two cameras see nothing in common where both look: name two others with --pair"
         )

@@ -16,7 +16,7 @@ from cubicfish_cli.render.pages.figures import (
     upright,
 )
 from cubicfish_cli.render.pages.plot import INK, MUTED, Space
-from cubicfish_cli.render.pages.template import day_of, template
+from cubicfish_cli.render.pages.template import template
 from cubicfish_cli.words.sentences import render
 
 _MOST_SHOTS = 20
@@ -43,7 +43,7 @@ def rig_html(rig: Rig) -> str:
         figures={figure.name: figure},
         worst=sorted(known, key=lambda one: -one.rms_px)[:_MOST_SHOTS],
         made=rig.origin,
-        day=day_of(rig.origin),
+        day=rig.origin.day,
     )
 
 

@@ -193,9 +193,7 @@ def simulate_files(options: SimulateOptions, *, run: Run = Run()) -> SimulatedFi
         OutputError: no photo shows a corner, or a file exists and may not be replaced.
 
     """
-    from cubicfish import CubicCamera, Event, load_camera
-    from cubicfish.io.camera_yaml import camera_text
-    from cubicfish.judge import FitRecord
+    from cubicfish import CameraFile, CubicCamera, Event, load_camera
     from cubicfish_cli.extensions.simulation.simulate import (
         chosen_poses,
         photo_bytes,
@@ -231,7 +229,7 @@ def simulate_files(options: SimulateOptions, *, run: Run = Run()) -> SimulatedFi
     if corners.count("\n") <= 2:
         raise OutputError("no photo shows a corner: check the poses, the target and its units")
     plan.writes(*(folder / name for name in named), within=folder)
-    about_camera = camera_text(camera, fit=FitRecord(), made_by=made_by)
+    about_camera = CameraFile(camera=camera, made_by=made_by).text()
     contents = (corners, pose_table_text(named), about_camera)
     texts: dict[Path, Content] = dict(zip(truth, contents, strict=True))
     pictures = plural(len(named), "photo")

@@ -7,8 +7,6 @@ from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 
-from cubicfish.judge import Origin
-
 _LONGEST_TEXT = 1000
 _IMAGES = ("data:image/jpeg;base64,", "data:image/svg+xml;base64,")
 _HERE = Path(__file__).parent
@@ -48,8 +46,3 @@ def _write_px(value: float | None, places: int = 3) -> str:
 
 def _count(value: float) -> str:
     return f"{value:,.0f}"
-
-
-def day_of(made: Origin) -> str | None:
-    """Return the date of a record ``made_by``, for people."""
-    return made.date.replace("T", " ").replace("+00:00", " UTC") if made.date else None

@@ -12,8 +12,15 @@ from synthetic import TRUE_LENS
 
 from cubicfish import ViewError, build_map, build_view, load_camera
 from cubicfish.models.sphere import cone_rays
-from cubicfish.views import CentralView, sees
-from cubicfish.views.fields import _sample_region, _shows, axis_focal, fit_view, seen_field_deg
+from cubicfish.views import CentralView
+from cubicfish.views.fields import (
+    _sample_region,
+    _shows,
+    axis_focal,
+    fit_view,
+    seen_field_deg,
+    sees,
+)
 from cubicfish.views.view import PROJECTIONS, rotation_from_angles
 
 SIZE = (120, 90)

@@ -13,7 +13,8 @@ import pytest
 import cubicfish
 import cubicfish_cli
 from cubicfish import Event, Finding, PhotoError, Target
-from cubicfish.diagnosis import ObjectFacts, Turn
+from cubicfish.diagnosis import ObjectFacts
+from cubicfish.diagnosis.object_check import Turn
 from cubicfish.judge import Code, FindingText, Severity
 from cubicfish.judge.codes import Remedy, remedy_of
 from cubicfish.judge.finding import level_of, of_record

@@ -26,7 +26,7 @@ from cubicfish.judge.verdict import COVERAGE, verdict
 from cubicfish.models import angle_from_axis
 from cubicfish.solve import Poses
 from cubicfish.solve.subset import select
-from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge, side_of
+from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge
 from cubicfish_cli.extensions.advice.advise import advise, distances_within
 from cubicfish_cli.extensions.advice.limited_lens import limited_lens
 from cubicfish_cli.extensions.advice.proposals import place_words, tilt_words
@@ -146,7 +146,7 @@ def test_empty_parts_are_named_and_photos_go_there(poor, advice):
     middle = (np.stack([column, row], axis=-1) + 0.5) * gaps.cells.cell
     ray = poor.camera.unproject(middle)
     ray = ray[np.isfinite(ray[:, 0])]
-    eighths = Counter(side_of(one) for one in ray[:, :2])
+    eighths = Counter(CoverageGaps.side_of(one) for one in ray[:, :2])
     named = {side for part in gaps.parts for side in part.sides}
     assert eighths.most_common()[0][0] in gaps.parts[0].sides
     assert eighths.most_common()[-1][0] not in named
