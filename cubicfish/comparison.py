@@ -15,10 +15,10 @@ from cubicfish.fit.alignment import Project, turned_onto
 from cubicfish.geometry import pixel_grid
 from cubicfish.judge.fit_record import ErrorStatistics
 from cubicfish.models.cubic import CubicCamera
-from cubicfish.models.lens import Lens
 from cubicfish.models.sphere import all_around, ray_at
 from cubicfish.solve.statistics import error_statistics, rings
 from cubicfish.types import FloatArray
+from cubicfish.views.view import PointProjector
 from cubicfish.wording import Brief
 
 # Pixels that numbers are taken at, and rays that the frames are aligned by.
@@ -128,7 +128,7 @@ def compare(first: CubicCamera, second: CubicCamera) -> Comparison:
 
 
 def aligned_difference(
-    first: CubicCamera | Lens, second: CubicCamera | Lens, rays: FloatArray
+    first: PointProjector, second: PointProjector, rays: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Pixel differences of two lenses under the rotation that makes them smallest.
 

@@ -31,6 +31,8 @@ BOUNDED = {
     "OpenCV, ROS, Kalibr, OCamCalib's text": (
         "cubicfish_cli/extensions/formats/opencv_cameras",
         "cubicfish_cli/extensions/formats/ocamcalib",
+        "cubicfish_cli/extensions/formats/kalibr_yaml",
+        "cubicfish_cli/extensions/formats/ros_yaml",
     ),
     "Gyroflow's lens profile": (
         "cubicfish_cli/extensions/formats/gyroflow_json",
