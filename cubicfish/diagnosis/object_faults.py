@@ -438,8 +438,12 @@ def _try_layouts(target: Target) -> Iterator[tuple[Finding, Target]]:
     for index, own in zip(plain, changes, strict=True):
         for change in own:
             yield _redraw(target, "one", {index: change})
-    for every in zip(*changes, strict=False):
-        yield _redraw(target, "all", dict(zip(plain, every, strict=True)))
+    # The same change to all: boards without squares have fewer.
+    by_kind = [{_kind_of(change): change for change in own} for own in changes]
+    for kind in by_kind[0] if by_kind else ():
+        if all(kind in own for own in by_kind):
+            every = (own[kind] for own in by_kind)
+            yield _redraw(target, "all", dict(zip(plain, every, strict=True)))
     for one, other in combinations(plain, 2):
         a, b = target.boards[one], target.boards[other]
         finding = _bad(code=Code.BOARD_NAMES, case="places", boards=(a.name, b.name))
@@ -448,6 +452,12 @@ def _try_layouts(target: Target) -> Iterator[tuple[Finding, Target]]:
 
 _Change = tuple[Code, dict[str, Any], Board]
 """What was wrong with a board, the figures of that, and the board put right."""
+
+
+def _kind_of(change: _Change) -> tuple[Any, ...]:
+    """What a change has in common with the same one of another board, which has other sizes."""
+    code, figures, _ = change
+    return (code, *(figures.get(key) for key in ("order", "times", "small", "units_mixed")))
 
 
 def _redraw(target: Target, which: str, changes: Mapping[int, _Change]) -> tuple[Finding, Target]:

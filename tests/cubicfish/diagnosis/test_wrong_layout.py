@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from anonymous_grids import anonymous_photos
 from seen import grid_evidence
-from synthetic import IMAGE_SIZE, checkerboard, corner_of_three, poses_around, synthetic_corners
+from synthetic import (
+    IMAGE_SIZE,
+    as_type,
+    checkerboard,
+    corner_of_three,
+    poses_around,
+    synthetic_corners,
+)
 
 from cubicfish.diagnosis import object_faults as module
 from cubicfish.diagnosis.object_faults import find_wrong_layout
@@ -150,3 +157,20 @@ def test_what_nothing_simple_explains_is_left_alone(grids, few_trials):
         for board, ratio in zip(TARGET.boards, (1.7, 0.6, 3.1), strict=True)
     ]
     assert reported(grids[:2], replace(TARGET, boards=tuple(boards))) is None
+
+
+def test_boards_of_two_kinds_are_changed_alike():
+    """A board without squares has no colours: what is tried of all is the same for each."""
+    boards = (TARGET.boards[0], as_type(TARGET.boards[1], "aprilgrid"))
+    assert [board.has_squares for board in boards] == [True, False]
+
+    def tried(target, which):
+        layouts = module._try_layouts(target)
+        own = [one for one, _ in layouts if one.figures.get("which") == which]
+        keys = ("order", "times", "small")
+        said = [[one.code, *map(one.figures.get, keys)] for one in own]
+        return [[module._IN_GENERAL.get(word, word) for word in words] for words in said]
+
+    of_all = tried(replace(TARGET, boards=boards), "all")
+    assert len(of_all) > 5
+    assert of_all == tried(replace(TARGET, boards=boards[1:]), "one")
