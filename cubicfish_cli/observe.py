@@ -18,10 +18,10 @@ from cubicfish import (
 )
 from cubicfish.files import Fingerprint
 from cubicfish.io import load_correspondences
-from cubicfish.photos import PictureFile
 from cubicfish_cli.inputs.paths import (
     InputKind,
     is_recording,
+    is_video,
     named_photos,
 )
 from cubicfish_cli.inputs.target_source import TargetSource
@@ -160,11 +160,6 @@ def _find_in_photos(
         target_file=target_file,
         chosen=ended,
     )
-
-
-def is_video(path: Path) -> bool:
-    """Whether a file is a video, by its name."""
-    return path.suffix.lower() in PictureFile.VIDEO_SUFFIXES and not path.is_dir()
 
 
 def films_among(inputs: Sequence[Path]) -> list[Path]:

@@ -209,7 +209,7 @@ def _find_sources(names: Sequence[str], run: Run) -> tuple[str, dict[str, Path],
 
     """
     from cubicfish.photos import expand_pattern
-    from cubicfish_cli.observe import is_video
+    from cubicfish_cli.inputs.paths import is_video
 
     paths = [path for name in names for path in expand_pattern(name)]
     videos = list(filter(is_video, paths))

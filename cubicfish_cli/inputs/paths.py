@@ -140,6 +140,13 @@ def holds_world_points(path: Path) -> bool:
     return {"X", "Y", "Z"} <= {cell.strip() for cell in header.split(",")}
 
 
+def is_video(path: Path) -> bool:
+    """Whether a file is a video, by its name."""
+    from cubicfish.photos import PictureFile
+
+    return path.suffix.lower() in PictureFile.VIDEO_SUFFIXES and not path.is_dir()
+
+
 def is_recording(path: Path) -> bool:
     """Return whether a name means a recording, with or without topic: ``run.bag:/cam0/image``."""
     file, _ = file_and_topic(path)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from shutil import copy
 from types import ModuleType
 from typing import Any
 
@@ -552,7 +553,8 @@ def test_photos_are_the_same_of_a_fit_a_camera_and_its_file(
     size = {"width": 320, "height": 240}
     assert heard.events == [(Event.RENDERING, {"pictures": "1 photo", **size})] * 3
     before, dark = files[0].read_bytes(), read_picture(files[0]).mean()
-    again = {"poses": files[2], "form": "png", "look": LookOptions(noise=0)}
+    poses = Path(copy(files[2], tmp_path / "poses.csv"))
+    again = {"poses": poses, "form": "png", "look": LookOptions(noise=0)}
     assert "exists already" in refusal(
         OutputError,
         lambda: simulate_files(

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from simulated import CornerErrors, simulated_corners
 from synthetic_lenses import synthetic_lens
+from told import raises_told
 
 from cubicfish.calibration import calibrate
 from cubicfish.diagnosis import left_out, photo_lenses, two_lenses, wrong_nominal
@@ -998,7 +999,7 @@ def points(pairs):
 @pytest.mark.slow
 def test_points_that_fit_in_a_mirror_are_reported(points):
     points = select_photos(points, np.arange(4))
-    with pytest.raises(FitError, match=r"all photos are mirrored, or the points' coordinates"):
+    with raises_told(FitError, match=r"all photos are mirrored, or the points' coordinates"):
         calibrate(mirrored(points, slice(None)))
     with pytest.raises(FitError):
         mirrored_object(FailedFit(pairs=points, target=None))

@@ -131,7 +131,9 @@ def test_photos_are_undistorted_without_what_is_known_of_a_fit(tmp_path: Path) -
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = done.stdout.splitlines()[-1].split()
     assert "cubicfish.io.camera_keys" in loaded
-    for part in ("assess", "fit", "finding", "target"):
+    assert find_spec("cubicfish.judge.fit_record")
+    assert find_spec("cubicfish.target.target")
+    for part in ("judge.fit_record", "judge.finding", "fit.", "target.target", "find."):
         assert not [name for name in loaded if name.startswith(f"cubicfish.{part}")]
 
 

@@ -29,7 +29,7 @@ from cubicfish_cli.undistortion.batch import Job, write_many, write_one
 # It is loaded where it is used: that takes its time in every process that collects tests.
 pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="needs distributed")
 
-ROOT = Path(__file__).parents[5]
+ROOT = Path(__file__).parents[4]
 PATIENCE_S = 30
 
 

@@ -358,8 +358,8 @@ def test_names_are_text_and_nothing_else(fitted: Calibration, pairs: Observation
         made_by=made_by,
         target=Target(units=HOSTILE[0], boards=boards),
         files=files,
-        absent=HOSTILE,
     )
+    facts = replace(facts, absent=HOSTILE)
     assert facts.errors is not None
     text = report_html(facts)
     text.encode("utf-8")
