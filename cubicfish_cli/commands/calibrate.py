@@ -410,7 +410,7 @@ def _report_missing_page(files: Mapping[str, Path], *, wanted: bool) -> None:
     if old.exists():
         print_message(f"note: {old} is of an earlier calibration")
     if wanted and extra.missing(extra.REPORT):
-        report = f"cubicfish report {old.parent}"
+        report = f"cubicfish report {shlex.quote(str(old.parent))}"
         print_message(f"No {PAGE} was written: {extra.INSTALL}, then {report!r}, makes it.")
 
 

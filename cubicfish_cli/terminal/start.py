@@ -58,7 +58,12 @@ def prepare_process() -> None:
         os.environ.setdefault(threads, "1")
     # A small file that claims a huge picture is refused by OpenCV, which takes its limit when it is
     # loaded: the one of cubicfish.photos.photos.
-    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "200000000")
+    most = os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "200000000")
+    if not (most.isascii() and most.isdecimal()):  # OpenCV would abort the process
+        sys.exit(
+            f"Error: OPENCV_IO_MAX_IMAGE_PIXELS is {most!r} in the environment, "
+            "and must be a whole number of pixels: correct it, or unset it"
+        )
     from cubicfish_cli.terminal.terminal import open_closed_streams
 
     open_closed_streams()

@@ -30,6 +30,8 @@ BAND = 6.0
 """Beyond an edge that is cut, room for its words, in millimetres."""
 _INSET = 2.0  # of the strip from edges that are cut
 _SIDES: tuple[Side, ...] = ("top", "right", "bottom", "left")
+# Of corners along a side that nobody asked for by their number: 2 mm on A3 have 200.
+_MOST_ALONG = 250
 # Sides of squares that are tried, in millimetres.
 _SQUARES = (*range(5, 40), *range(40, 80, 2), *range(80, 301, 5))
 
@@ -168,6 +170,11 @@ def _fit_squares(
     best: tuple[float, float, list[Counts]] = (0.0, 0.0, [])
     for square in _SQUARES if side is None else (side,):
         limits = [_count_room(made, room, square, most, rim) for room in rooms]
+        if options.counts is None and np.max(limits) > _MOST_ALONG:
+            raise TargetError(
+                f"squares of {square:g} mm would make boards of more than {_MOST_ALONG} corners "
+                "along a side: take larger squares, or say how many with '--object board --corners'"
+            )
         if options.counts is None:
             counts = _choose_distinct_counts(made, limits)
         else:

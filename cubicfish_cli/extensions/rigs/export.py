@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -108,8 +109,8 @@ def _find_format(to: str, rig: Rig) -> CameraFormat:
     formats = {name: made for name, made in written_formats().items() if made.write_rig}
     if to not in formats:
         raise UsageError(
-            f"--to {to} holds one camera: write each with 'cubicfish export {rig.files[1]} --to "
-            f"{to}', or choose one of {', '.join(formats)}"
+            f"--to {to} holds one camera: write each with 'cubicfish export "
+            f"{shlex.quote(str(rig.files[1]))} --to {to}', or choose one of {', '.join(formats)}"
         )
     return formats[to]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -274,4 +275,5 @@ def command(made: SimulatedFiles, given: SimulateOptions, how: How) -> None:
     photos, corners = plural(len(made.photos), "photo"), plural(made.corners, "corner")
     result(f"wrote {photos} with {corners} to {given.folder}")
     print_wrote(made.truth.values())
-    print_next(f"cubicfish calibrate {given.folder} --target {given.target}")
+    folder, target = (shlex.quote(str(path)) for path in (given.folder, given.target))
+    print_next(f"cubicfish calibrate {folder} --target {target}")

@@ -193,6 +193,15 @@ def test_the_installed_program_runs() -> None:
     assert done.stdout == f"cubicfish, version {__version__}\n"
 
 
+def test_a_bound_that_is_no_number_is_one_line() -> None:
+    """OpenCV reads it when it is loaded, and would abort."""
+    env = {**os.environ, "OPENCV_IO_MAX_IMAGE_PIXELS": "abc"}
+    done = subprocess.run([*CUBICFISH, "--version"], capture_output=True, text=True, env=env)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith("Error: OPENCV_IO_MAX_IMAGE_PIXELS is 'abc' in the environment")
+    assert done.stderr.count("\n") == 1
+
+
 def test_an_unknown_command_is_wrong_usage_and_the_nearest_is_named(run: Run) -> None:
     result = run("calibrat", code=2)
     assert "No such command 'calibrat': did you mean 'calibrate'?" in result.stderr

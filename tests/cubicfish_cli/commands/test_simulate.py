@@ -38,9 +38,9 @@ def small_lens(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
 def test_calibrating_the_photos_gives_the_camera_back(
     run: Run, calibrated: Path, tmp_path: Path
 ) -> None:
-    photos, model = tmp_path / "photos", calibrated / "camera.yaml"
+    photos, model = tmp_path / "photos; $(no)", calibrated / "camera.yaml"
     said = run("simulate", "-t", TARGET, "-m", model, "-n", 6, "-o", photos)
-    assert f"Next: cubicfish calibrate {photos}" in said.stdout
+    assert f"Next: cubicfish calibrate '{photos}'" in said.stdout
     found = tmp_path / "found"
     run("calibrate", photos, "-t", TARGET, "-o", found, "--no-hold-out", "--no-cache", "-j", 1)
     said = run("compare", photos / "true_camera.yaml", found / "camera.yaml", "--json")

@@ -241,6 +241,7 @@ def test_pages_are_the_same_bytes_again_and_are_not_replaced(run: Run, tmp_path:
         (["--object", "board", "--paper", "A44"], 1, "did you mean 'A4'"),
         (["--object", "board", "--margin", "wide"], 1, "write it like 30mm"),
         (["--object", "board", "--square", "1km"], 1, "write it like 30mm"),
+        (["--object", "box", "--square", "0.3mm"], 1, "more than 250 corners along a side"),
         (["--object", "board", "--square", "30mm", "--corners", "19x12"], 1, "larger paper"),
         ([SAMPLE / "target.yaml", "--paper", "A5"], 1, "does not fit on one page of A5"),
         (["none.yaml"], 1, "none.yaml"),
