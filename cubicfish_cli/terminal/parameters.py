@@ -292,7 +292,8 @@ def _saying_what_misfits(kind: type) -> Callable[[Any], None]:
             check(made)
         except CubicfishError:
             raise
-        except (AttributeError, TypeError, ValueError):
+        except (AttributeError, TypeError, ValueError, DeprecationWarning):
+            # Of an empty array in a condition older numpy only warns.
             refuse_misfit(kind.__name__, made, kind)
             raise
 
