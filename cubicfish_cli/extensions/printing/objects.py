@@ -170,11 +170,6 @@ def _fit_squares(
     best: tuple[float, float, list[Counts]] = (0.0, 0.0, [])
     for square in _SQUARES if side is None else (side,):
         limits = [_count_room(made, room, square, most, rim) for room in rooms]
-        if options.counts is None and np.max(limits) > _MOST_ALONG:
-            raise TargetError(
-                f"squares of {square:g} mm would make boards of more than {_MOST_ALONG} corners "
-                "along a side: take larger squares, or say how many with '--object board --corners'"
-            )
         if options.counts is None:
             counts = _choose_distinct_counts(made, limits)
         else:
@@ -213,7 +208,16 @@ def _choose_distinct_counts(made: Design, limits: Sequence[Counts]) -> list[Coun
 
     Counts and the colours of squares tell plain boards apart: no two have the same counts, either
     way round, and none looks the same upside down, since the sum of its counts is odd.
+
+    Raises:
+        TargetError: there is room for more than anybody wants.
+
     """
+    if np.max(limits) > _MOST_ALONG:
+        raise TargetError(
+            f"squares so small would make boards of more than {_MOST_ALONG} corners along a side: "
+            "take larger squares, or say how many with '--object board --corners'"
+        )
     fewest = made.counts[0]
     if made.marker:
         return list(limits) if np.min(limits) >= fewest else []
