@@ -142,6 +142,15 @@ def _board_order(
     return Said(what, do=_RERUN if case == "grids" else _ORDER)
 
 
+@WORDS.finding(Code.BOARD_ORDER, "first_square")
+def _begins_otherwise(board: str, first_square: Colour, corners: int, named: int) -> Said:
+    return Said(
+        f"board {board} begins with a {first_square} square",
+        f"{corners:,} of its corners are found so, and {named or 'none'} as the target says",
+        f"write first_square: {first_square} for it in target.yaml; this result has it already",
+    )
+
+
 @WORDS.finding(Code.BOARD_ORDER, "of_photos")
 def _board_order_of_photos(board: str, order: Order, photos: int, error_px: float) -> Said:
     what = f"board {board}: {_order(order, 0, 0, '')}"
