@@ -19,7 +19,8 @@ import pytest
 import yaml
 from command_tree import commands
 from pairs_csv import write_pairs
-from running import SAMPLE, invoke_cli, run_cli
+from running import invoke_cli, run_cli
+from samples import SAMPLE
 
 import cubicfish
 from cubicfish import Target, load_corners

@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 import pytest
 from lenses import smaller
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 from synthetic import checkerboard
 
 from cubicfish import Target, load_camera, load_corners

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 import pytest
 from looking import look_at
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 from synthetic import IMAGE_SIZE, TRUE_LENS, rays_in_cone
 
 from cubicfish import Target, aligned_difference, load_camera

@@ -15,7 +15,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from plain_data import PLAIN
-from running import SAMPLE, run_cli
+from running import run_cli
+from samples import SAMPLE
 
 pytest.importorskip("jinja2")
 
