@@ -63,7 +63,7 @@ def coverage_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     share = facts.fit.coverage
     caption = f"Corners cover {100 * share:.0f} % of the field." if math.isfinite(share) else ""
     if empty:
-        caption += " What a camera says of places without corners nobody has checked."
+        caption += " Nothing has been checked where there are no corners."
     _draw_outline(plot, facts)
     return page.finished(
         plot,
@@ -130,8 +130,8 @@ def places_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
         title="Errors over the picture",
         label=f"RMS error in {int((count > 0).sum())} cells of the photo, from "
         f"{np.nanmin(value):.3f} to {np.nanmax(value):.3f} px",
-        caption="RMS of the corners in each cell. A rim much worse than the middle means blur "
-        "there, or a lens that the model does not follow.",
+        caption="RMS of the corners in each cell. A rim much worse than the middle means blur, "
+        "or the model does not fit the lens.",
     )
 
 
@@ -160,8 +160,8 @@ def angle_figure(errors: ErrorFacts) -> page.Drawn | None:
         title="Errors by angle from the axis",
         label=f"Errors by angle from the axis; RMS from {rms.min():.3f} to {rms.max():.3f} px in "
         f"steps of {_STEP_DEG:g} degrees",
-        caption=f"The least filled step holds {few:,} corner{'s' * (few != 1)}."
-        + (f" Larger errors, above the figure: {beyond:,}." if beyond else "")
+        caption=f"Smallest bin: {few:,} corner{'s' * (few != 1)}"
+        + (f"; {beyond:,} point{'s' * (beyond != 1)} off scale." if beyond else ".")
         + page.thinned(len(length), page.MOST_DOTS // 2, "corners"),
         keys=(
             page.Key(kind="dot", colour=page.BLUE, text="a corner"),
