@@ -146,6 +146,8 @@ def to_lens(
     if model.symmetric:
         turn = symmetric_frame(camera, rays, pixel)
     lens = lens_near(model, view.middle, rays @ turn.T, pixel)
+    if model.tilts:
+        lens, turn = _fit_turned(FreeLens.of(lens, model.unwritten), rays, pixel)
     return Conversion(
         lens=lens,
         error=_measure(view, lens, turn, max_angle_deg, covered_deg, every_way=True),
@@ -188,12 +190,16 @@ def symmetric_frame(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) ->
     A lens that is decentred or tilted looks most symmetric from an axis of its own, and poses make
     up for the turn.
     """
+    return _fit_turned(FreeLens.of(camera.radial), rays, pixel)[1]
+
+
+def _fit_turned(start: FreeLens[L], rays: FloatArray, pixel: FloatArray) -> tuple[L, FloatArray]:
+    """Fit a lens and the turn (3, 3) of rays (N, 3) together, least squares in pixels (N, 2)."""
     from scipy.optimize import least_squares  # it takes long to load, and is seldom needed
 
-    start = FreeLens.of(camera.radial)
     count = len(start.parameters)
 
-    def turned(values: FloatArray) -> tuple[FreeLens[RadialCamera], FloatArray]:
+    def turned(values: FloatArray) -> tuple[FreeLens[L], FloatArray]:
         return start.with_parameters(values[:count]), Rotation.from_rotvec(values[count:]).apply(
             rays
         )
@@ -210,7 +216,8 @@ def symmetric_frame(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) ->
 
     first = np.concatenate([start.parameters, np.zeros(3)])
     found = least_squares(residual, first, jac=slope, x_scale="jac", max_nfev=100)
-    return np.asarray(Rotation.from_rotvec(found.x[count:]).as_matrix())
+    turn = np.asarray(Rotation.from_rotvec(found.x[count:]).as_matrix())
+    return start.with_parameters(found.x[:count]).lens, turn
 
 
 def conversion_error(camera: CubicCamera, lens: Lens) -> ConversionError:
