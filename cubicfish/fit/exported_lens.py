@@ -81,6 +81,7 @@ class Conversion:
             rays of things at ``distance`` cross most nearly.
         distance: how far away, in the camera's unit, the things are at which the lens is nearest;
             None for distant ones.
+        distant: its error for distant things, where it is not for these.
 
     """
 
@@ -89,25 +90,17 @@ class Conversion:
     lens_from_camera: FloatArray
     place: FloatArray = field(default_factory=lambda: np.zeros(3))
     distance: float | None = None
+    distant: ConversionError | None = None
 
     @property
     def turned_deg(self) -> float:
         """Angle of the turn."""
         return float(np.rad2deg(Rotation.from_matrix(self.lens_from_camera).magnitude()))
 
-    def moved(
-        self, rotation: FloatArray, translation: FloatArray, scale: float = 1.0
-    ) -> tuple[FloatArray, FloatArray]:
-        """A pose camera_from_world as that of the lens.
-
-        Args:
-            rotation: (3, 3).
-            translation: (3,).
-            scale: units of the translation in one of the camera's.
-
-        """
+    def moved(self, rotation: FloatArray, translation: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Turn a pose camera_from_world, (3, 3) and (3,) in the camera's unit, into the lens's."""
         turn = self.lens_from_camera
-        return turn @ rotation, turn @ (translation - scale * self.place)
+        return turn @ rotation, turn @ (translation - self.place)
 
 
 def to_lens(
@@ -148,12 +141,17 @@ def to_lens(
     lens = lens_near(model, view.middle, rays @ turn.T, pixel)
     if model.tilts:
         lens, turn = _fit_turned(FreeLens.of(lens, model.unwritten), rays, pixel)
+    error = _measure(view, lens, turn, max_angle_deg, covered_deg, every_way=True)
+    distant = None
+    if distance is not None:
+        distant = _measure(_View.of(camera, None), lens, turn, max_angle_deg, covered_deg)
     return Conversion(
         lens=lens,
-        error=_measure(view, lens, turn, max_angle_deg, covered_deg, every_way=True),
+        error=error,
         lens_from_camera=turn,
         place=np.array([0.0, 0.0, view.middle.place]),
         distance=distance,
+        distant=distant,
     )
 
 
