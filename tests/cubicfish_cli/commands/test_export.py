@@ -443,7 +443,7 @@ def test_kalibrs_pinhole_becomes_the_same_cubic_camera(run, tmp_path):
         ("cam0:\n  camera_model: [1]\n  intrinsics: []\n  resolution: []\n", "is not known"),
         (PINHOLE.replace("data: [-0.2,", "data: [-0.2, 1.0, 2.0,"), "must hold 0 or 4 or 5"),
         ("# CAMERA_ID\n1 OPENCV_FISHEYE 640 480 1 2\n", "FISHEYE must hold 8"),
-        ("# CAMERA_ID\n1 NONE 640 480 1 2\n", "no camera model"),
+        ("# CAMERA_ID\n1 NONE 640 480 1 2\n", "the lens of COLMAP's"),
         ("# CAMERA_ID\n1 PINHOLE 6 4 1 1 1 1\n2 PINHOLE 6 4 1 1 1 1\n", "--camera: 1, 2"),
         ('{"fl_x": 1e999}', "must hold 1 finite numbers"),
         ("cam0:\n  camera_model: x\n  intrinsics: []\n  resolution: []\n", "'x' is not known"),
