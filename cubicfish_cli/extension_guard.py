@@ -26,6 +26,9 @@ _PLACE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
 # Such as no path has, and no message breaks at.
 _NAME = re.compile(r"[\w+-][\w+. -]{0,60}[\w+-]|[\w+-]")
 _MOST_BYTES = 1_000_000
+# Keys of formats that are read, and of those that are written.
+_READING = ("read", "reads", "marks")
+_WRITING = ("write", "written", "file_name")
 
 
 class ExtensionWarning(UserWarning):
@@ -244,12 +247,18 @@ def _read_formats(extension: str, record: Extension) -> tuple[CameraFormat, ...]
             raise _BadExtension(
                 f"{record.formats}: {quoted(name)} is no format: {what}"
             ) from problem
+        ways = [[*map(bool, map(one.__dict__.get, keys))] for keys in (_READING, _WRITING)]
+        if any(any(keys) != all(keys) for keys in ways) or not any(map(all, ways)):
+            raise _BadExtension(
+                f"{record.formats}: {quoted(name)} needs all of {', '.join(_READING)}, or all of "
+                f"{', '.join(_WRITING)}"
+            )
         for written, keys in one.written.items():
             if not {"what", "lens"} <= keys.keys():
                 raise _BadExtension(f"{record.formats}: {quoted(written)} needs 'what' and 'lens'")
-        functions = (one.read, one.write_rig, one.looks_like, one.binary_looks_like)
+        functions = (one.read, one.write, one.write_rig, one.looks_like, one.binary_looks_like)
         lenses = (keys["lens"] for keys in one.written.values())
-        for at in (one.write, *lenses, *filter(None, functions)):
+        for at in (*lenses, *filter(None, functions)):
             _check_place(at)
         made.append(one)
     return tuple(made)
