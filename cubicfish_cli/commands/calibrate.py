@@ -78,6 +78,7 @@ class CalibrateOptions:
         lift: the argument of the cubics: the viewing ray, or the 3D point itself.
         most: calibrate from at most so many photos or frames, those that add most; None means 60
             frames of films, and all photos.
+        exclude: photos that are left out, by their names or by patterns.
         report: also write report.html, if the extra ``report`` is installed.
 
     Raises:
@@ -127,6 +128,7 @@ class CalibrateOptions:
         f"photos, and of films {MOST} frames]",
         click.IntRange(min=1),
     )
+    exclude: StrPath | Sequence[StrPath] = parameters.exclude_option
     report: bool = parameters.report_option
 
     @cached_property
@@ -288,11 +290,13 @@ def _observe(options: CalibrateOptions, run: Run) -> Inputs:
     """Find or read the corners, or the points."""
     from cubicfish_cli.observe import load_inputs
 
-    source, most = options.source, options.most
+    source, most, size = options.source, options.most, options.image_size
     frames = Path(options.folder) / FRAMES
     photos, chosen = photos_of(options.paths, frames, source, most, run)
-    size = options.image_size
-    observed = load_inputs(options.kind, photos, source, run, image_size=size, most=most)
+    exclude = paths_of(options.exclude)
+    observed = load_inputs(
+        options.kind, photos, source, run, image_size=size, most=most, exclude=exclude
+    )
     run.listener.found(observed.photo_findings)
     return replace(observed, chosen=observed.chosen or chosen)
 
@@ -449,7 +453,7 @@ def _print_calibration(made: CalibratedFiles) -> None:
 
 
 def _print_figures(fitted: Calibration | PointCalibration) -> None:
-    from cubicfish_cli.words.camera import pupil_meaning, scope
+    from cubicfish_cli.words.camera import scope
 
     fit, more = fitted.fit, list[tuple[str, float, str]]()
     result(
@@ -463,7 +467,7 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
             ("  linear, reweighted", fit.reweighted_rms_px, "over its denominators"),
         ]
     else:
-        judged = "photos judged by cameras that never saw them"
+        judged = "photos not used in the fit"
         more.append(
             ("  radial reference", fit.radial_rms_px, "a Kannala–Brandt lens, same corners")
         )
@@ -475,10 +479,6 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
     figures.print_errors(fit, more)
     for figure in scope(fitted):
         figures.print_figure(*figure)
-    if fit.pupil is not None:
-        pupil = fit.pupil
-        meaning = pupil_meaning(pupil.rim_px, pupil.distance, pupil.units)
-        figures.print_figure("entrance pupil", figures.px(abs(pupil.rim_px)), meaning=meaning)
     if fit.lift == "point":
         meaning = "P means something on the boards only; points off them are refused"
         if fit.rank == 20:
