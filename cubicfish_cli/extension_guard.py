@@ -27,7 +27,7 @@ _PLACE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
 _NAME = re.compile(r"[\w+-][\w+. -]{0,60}[\w+-]|[\w+-]")
 _MOST_BYTES = 1_000_000
 # Keys of formats that are read, and of those that are written.
-_READING = ("read", "reads", "marks")
+_READING = ("read", "reads")
 _WRITING = ("write", "written", "file_name")
 
 
