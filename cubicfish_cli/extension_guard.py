@@ -26,9 +26,6 @@ _PLACE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
 # Such as no path has, and no message breaks at.
 _NAME = re.compile(r"[\w+-][\w+. -]{0,60}[\w+-]|[\w+-]")
 _MOST_BYTES = 1_000_000
-# Keys of formats that are read, and of those that are written.
-_READING = ("read", "reads")
-_WRITING = ("write", "written", "file_name")
 
 
 class ExtensionWarning(UserWarning):
@@ -247,11 +244,11 @@ def _read_formats(extension: str, record: Extension) -> tuple[CameraFormat, ...]
             raise _BadExtension(
                 f"{record.formats}: {quoted(name)} is no format: {what}"
             ) from problem
-        ways = [[*map(bool, map(one.__dict__.get, keys))] for keys in (_READING, _WRITING)]
-        if any(any(keys) != all(keys) for keys in ways) or not any(map(all, ways)):
+        is_written = one.written and one.write and one.file_name
+        if not is_written and (one.written or not one.read):
             raise _BadExtension(
-                f"{record.formats}: {quoted(name)} needs all of {', '.join(_READING)}, or all of "
-                f"{', '.join(_WRITING)}"
+                f"{record.formats}: {quoted(name)} needs 'read', or 'write', 'written' and "
+                "'file_name'"
             )
         for written, keys in one.written.items():
             if not {"what", "lens"} <= keys.keys():
