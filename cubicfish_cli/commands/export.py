@@ -39,9 +39,10 @@ _HELP = f"""Write the camera for another tool, and say how near its lens model c
 
 What is exact holds the camera itself, in a file that needs no other. The lens of each other format
 is fitted to the camera over its field, in pixels. What it loses (the RMS) is printed first, with
-the camera's own held-out error beside it and what loses less; --compare says it of all formats. It holds up to where the calibration's corners reach. Beyond, the camera is
-extrapolated, and the error there is stated apart. A camera that was imported has no corners: there
-the whole field counts. What loses more than 0.5 px and more than the held-out error is not written.
+the camera's own held-out error beside it and what loses less; --compare says it of all formats. It
+holds up to where the calibration's corners reach. Beyond, the camera is extrapolated, and the error
+there is stated apart. A camera that was imported has no corners: there the whole field counts. What
+loses more than 0.5 px and more than the held-out error is not written.
 
 These lenses have one centre, while a fisheye's entrance pupil travels: they hold for things at one
 distance. opencv, ros, kalibr, ocamcalib and anipose, whose programs look at boards, are fitted for

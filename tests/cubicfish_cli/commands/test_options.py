@@ -241,6 +241,7 @@ CASES = {
             "--from": ("opencv", {"one", "several"}),
             "--camera": ("cam7", {"several"}),
             "--size": ("640x480", {"one", "several"}),
+            "--lens": ("fisheye", set()),  # only of four coefficients: test_camera_keys.py
             "--max-angle": ("50", {"one", "several"}),
             "--output": ("{out}/d.yaml", {"one", "several"}),
             "--overwrite": (None, {"one", "several"}),
