@@ -20,7 +20,6 @@ from cubicfish.errors import FitError
 from cubicfish.geometry import pixel_grid
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.lens import Lens
-from cubicfish.models.radial import RadialCamera
 from cubicfish.solve.fit_lens import FreeLens, nearest_lens
 from cubicfish.solve.poses import cross_matrix
 from cubicfish.solve.statistics import rings, rms_px
@@ -287,7 +286,7 @@ class _SeenFrom(CubicCamera):
         if self.distance == np.inf:
             return super().project(points)
         moved = self.distance * unit_rays(points)
-        return super().project(moved + [0.0, 0.0, self.place], near=True)
+        return super().project(moved + np.array([0.0, 0.0, self.place]), near=True)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -28,12 +28,13 @@ from cubicfish_cli.foreign.file_contents import (
 MAX_BYTES = 64_000_000
 _WRITTEN = "OPENCV_FISHEYE"
 _FREE = "FISHEYE624"
+_FREE_SHAPE = ("k1", "k2", "k3", "k4", "k5", "k6", "t1", "t2", "s1", "s2", "s3", "s4")
 _CORE = {"fx": "fl_x", "fy": "fl_y", "cx": "cx", "cy": "cy"}
 _FISHEYE = ("k1", "k2", "k3", "k4")
 _MODELS: Mapping[str, tuple[type[Lens], tuple[str, ...]]] = {
     "OPENCV": (PinholeLens, PINHOLE[:8]),
     _WRITTEN: (RadialCamera, _FISHEYE),
-    _FREE: (RadTanThinPrismLens, tuple("k1 k2 k3 k4 k5 k6 t1 t2 s1 s2 s3 s4".split())),
+    _FREE: (RadTanThinPrismLens, _FREE_SHAPE),
     "PINHOLE": (PinholeLens, PINHOLE[:8]),
     "SIMPLE_PINHOLE": (PinholeLens, PINHOLE[:8]),
 }
