@@ -180,7 +180,7 @@ def export_files(options: ExportOptions, *, run: Run = Run()) -> ExportedFiles:
 
     path = in_folder(Path(options.camera))
     if options.compare or options.to is None:
-        return _compare(options, path)
+        return _compare(options, path, run)
     to, formats = options.to, written_formats()
     if to != MAPS and to not in formats:
         suggestion = did_you_mean(to, sorted({MAPS, *formats}))
@@ -246,10 +246,13 @@ def _usual_name(usual: Path, to: str, name: str | None, known: str | Path) -> Pa
     if name is not None:
         return usual.with_stem(name)
     own = re.sub(r"\W+", "_", known).strip("_")
-    return Path(f"{own}.{to}{usual.suffix}") if own else usual
+    if not own:
+        return usual
+    first, _, rest = usual.name.partition(".")
+    return Path(f"{own}.{rest}" if first == "camera" else f"{own}.{to}{usual.suffix}")
 
 
-def _compare(options: ExportOptions, path: Path) -> ExportedFiles:
+def _compare(options: ExportOptions, path: Path, run: Run) -> ExportedFiles:
     """Say what each format loses."""
     from cubicfish import load_camera
     from cubicfish_cli.commands.exporting import Wish, compare_formats, list_exact
@@ -262,6 +265,7 @@ def _compare(options: ExportOptions, path: Path) -> ExportedFiles:
         ("--output", options.output),
         ("--max-error", options.max_error),
         ("--name", options.name),
+        ("--overwrite", run.overwrite or None),
     ):
         if given is not None:
             raise UsageError(f"--compare writes nothing: leave out {name}")

@@ -7,7 +7,8 @@ The .npz holds control points of uniform cubic B-splines, float32:
 - ``rays`` (M, N, 2): u of the ray that a pixel sees, over the photo;
 - ``pixels_at`` and ``rays_at`` (3,): x and y of the first control point, and the step from each to
   the next;
-- ``largest_px``, how far ``pixels`` may be off, ``image_size``, ``max_angle_deg``; ``pupil_travel`` with its ``units``, which moves near points.
+- ``largest_px``, how far ``pixels`` may be off; ``image_size``; ``max_angle_deg``;
+- ``pupil_travel`` and its ``units``: near points are seen from the moving entrance pupil.
 
 The second is rough where a lens's picture hardly grows any more: a reader takes its difference
 between the pixel and the first grid's pixel of what was found, as docs/formats.md does for numpy,
