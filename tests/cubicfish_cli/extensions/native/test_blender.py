@@ -12,8 +12,8 @@ from lenses import cubic_camera, smaller
 from synthetic import flat_board
 
 from cubicfish import CameraFile, detect, read_picture
+from cubicfish.scene.truth import rotation_matrix
 from cubicfish_cli.extensions.native.source import source_text
-from cubicfish_cli.viewpoints.truth import rotation_matrix
 
 SCRIPT = Path(__file__).parents[3] / "support" / "blender_board.py"
 
