@@ -20,6 +20,8 @@ from cubicfish.fit.nearest_cubic import linear_ratios
 from cubicfish.models.lift import lift, sphere_basis, sphere_null_space
 
 COUNT = 5_000  # that are inside, of twice as many
+# Whatever its owner calls it, its source compiles.
+TITLE = "left */ `${x}` \u00fc\n#error\\"
 # Those that are started or compiled in less than half a second.
 QUICK = ("gcc", "python", "node")
 
@@ -58,7 +60,8 @@ def cameras(fitted: Calibration) -> dict[str, CameraFile]:
         "mirror": mirror_camera(),
         "near": replace(cubic_camera(98.0), pupil_travel=3.5, units="mm"),
     }
-    return {name: CameraFile(camera=camera) for name, camera in made.items()}
+    made_by = {"date": "2026-01-01T00:00:00", "title": TITLE}
+    return {name: CameraFile(camera=camera, made_by=made_by) for name, camera in made.items()}
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +130,7 @@ def test_the_file_says_whose_camera_it_is(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     text = yaml.safe_load((calibrated / "camera.yaml").read_text())
-    text["made_by"]["title"] = "left */ \u00fc\n#error\\"
+    text["made_by"]["title"] = TITLE
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(text))
     for to, suffix in (
         ("c", "h"),
@@ -143,6 +146,8 @@ def test_the_file_says_whose_camera_it_is(
         assert "960x720 pixels, calibrated 20" in header[1]
         assert f"Field: {text['max_angle_deg']:.3f} degrees" in header[2]
         assert "Held-out error: not known." in header[2]
+    shader = Path("left.glsl").read_text().partition("forward.\n")[2]
+    assert shader in Path("left.mjs").read_text()
 
 
 @pytest.mark.parametrize("name", ["", "2nd", "a-b", "a__b", "gl_lens", "a_", "a" * 61, "camera\n"])
