@@ -251,11 +251,11 @@ def _read_formats(extension: str, record: Extension) -> tuple[CameraFormat, ...]
                 "'file_name'"
             )
         for written, keys in one.written.items():
-            if not {"what", "lens"} <= keys.keys():
+            if not one.exact and not {"what", "lens"} <= keys.keys():
                 raise _BadExtension(f"{record.formats}: {quoted(written)} needs 'what' and 'lens'")
         functions = (one.read, one.write, one.write_rig, one.looks_like, one.binary_looks_like)
-        lenses = (keys["lens"] for keys in one.written.values())
-        for at in (*lenses, *filter(None, functions)):
+        lenses = (keys.get("lens", "") for keys in one.written.values())
+        for at in filter(None, (*lenses, *functions)):
             _check_place(at)
         made.append(one)
     return tuple(made)

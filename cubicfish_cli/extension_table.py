@@ -16,6 +16,7 @@ GROUP = "cubicfish.extensions"
 TABLE = {
     "films": "cubicfish_cli.extensions.films.extension:EXTENSION",
     "formats": "cubicfish_cli.extensions.formats.extension:EXTENSION",
+    "native": "cubicfish_cli.extensions.native.extension:EXTENSION",
     "report": "cubicfish_cli.extensions.report.extension:EXTENSION",
     "advice": "cubicfish_cli.extensions.advice.extension:EXTENSION",
     "printing": "cubicfish_cli.extensions.printing.extension:EXTENSION",
@@ -36,11 +37,13 @@ class CameraFormat:
         read: path -> lens, with ``camera`` where it :attr:`holds_several` and ``image_size`` where
             it is :attr:`sizeless`; "" where files are only written.
         written: by the names that it is written under: ``what`` comes of it, for people; the
-            ``lens`` that the file holds; and ``front_only``, what reads it and divides by z first:
-            it sees nothing behind, whatever the lens.
+            ``lens`` that the file holds, which exact ones have not; and ``front_only``, what reads
+            it and divides by z first: it sees nothing behind, whatever the lens.
         write: :class:`~cubicfish_cli.foreign.file_contents.PlacedLens` -> text; "" where files
             are only read. Raises :class:`~cubicfish.errors.CameraFileError` for values that the
             format does not take.
+        exact: whether its files hold the camera itself, so that no lens is fitted: ``write`` is
+            then (calibration, the name it is written under, what the user calls it) -> content.
         write_rig: :class:`~cubicfish_cli.foreign.file_contents.LensRig` -> text, or texts by the
             names of files; "" where it holds no rigs.
         file_name, rig_name: what its file, and that or the folder of a rig, are usually called.
@@ -63,6 +66,7 @@ class CameraFormat:
     read: str = ""
     written: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     write: str = ""
+    exact: bool = False
     write_rig: str = ""
     file_name: str = ""
     rig_name: str = ""

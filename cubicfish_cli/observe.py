@@ -115,6 +115,7 @@ def load_inputs(
     image_size: tuple[int, int] | None = None,
     most: int | None = None,
     exclude: Sequence[Path] = (),
+    unplaced: bool = False,
 ) -> Inputs:
     """Read pairs from photos, one corners.csv or one correspondences.csv, which are checked.
 
@@ -126,16 +127,19 @@ def load_inputs(
         image_size: (width, height) of the photos, for tables that do not say.
         most: of more photos than these, those that add most are taken.
         exclude: photos that are left out, by their names or by patterns.
+        unplaced: whether the places of the target's boards may be unknown.
 
     Raises:
         CubicfishError: an input cannot be used.
 
     """
     if kind == "photos":
-        loaded = _find_in_photos(inputs, target, run, most, exclude)
+        loaded = _find_in_photos(inputs, target, run, most, exclude, unplaced)
     elif kind == "corners":
         target_file, file = target.fingerprint(), Fingerprint.of(inputs[0])
-        corners = load_corners(inputs[0], target.load(run.listener)[0], image_size=image_size)
+        corners = load_corners(
+            inputs[0], target.load(run.listener, unplaced=unplaced)[0], image_size=image_size
+        )
         loaded = Inputs(pairs=corners, corners=corners, files=(file,), target_file=target_file)
     else:
         file = Fingerprint.of(inputs[0])
@@ -157,12 +161,13 @@ def _find_in_photos(
     run: Run,
     most: int | None,
     exclude: Sequence[Path],
+    unplaced: bool,
 ) -> Inputs:
     # Tables need no finder of corners, and begin at once without it.
     from cubicfish.observe import find_corners
 
     target_file = target.fingerprint()
-    targets = target.load(run.listener)
+    targets = target.load(run.listener, unplaced=unplaced)
     photos, ended = named_photos(inputs, run.listener, exclude), None
     if most is not None and len(photos) > most:
         from cubicfish_cli.films.frame_search import choose_photos

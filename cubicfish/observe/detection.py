@@ -206,7 +206,7 @@ def first_pass(
     if not targets:
         size = _find_common_size(found) or (0, 0)
         return nameless([photo.name for photo in photos], [one.grids for one in found], size)
-    named, why = list[Detection](), DetectionError(_NOT_NAMED)
+    named, why = list[Detection](), DetectionError("")
     for target in targets:
         try:
             named.append(_name_corners(photos, found, target))
@@ -291,9 +291,9 @@ def _name_corners(
     ]
     usable = [index for index, one in enumerate(found) if one.grids is not None]
     name = _name_by_markers if target.has_markers else _name_by_geometry
-    corners, named, make_evidence = name(
-        [photos[index].name for index in usable], [found[index] for index in usable], target, size
-    )
+    names, used = [photos[index].name for index in usable], [found[index] for index in usable]
+    target, told = _placed(names, used, target, size)
+    corners, named, make_evidence = name(names, used, target, size)
     reports = [
         PhotoReport(name=photo.name, refusal=detected.refusal)
         for photo, detected in zip(photos, found, strict=True)
@@ -309,7 +309,7 @@ def _name_corners(
         with_boards=sum(showing),
         lost=[why for why in lost if why is not None],
     )
-    findings = find_faults(evidence)
+    findings = [*told, *find_faults(evidence)]
     _refuse(findings, named=len(corners.pixel) > 0)
     if not len(corners.pixel):
         raise _explain_no_checkerboard(found)
@@ -319,6 +319,26 @@ def _name_corners(
         findings=tuple(findings),
         other_colours=evidence.other_colours,
     )
+
+
+def _placed(
+    names: Sequence[str],
+    detected: Sequence[PhotoDetection],
+    target: Target,
+    size: tuple[int, int],
+) -> tuple[Target, list[Finding]]:
+    """The target with the places that it does not know, as photos of one size show them."""
+    if not target.unplaced:
+        return target, []
+    from cubicfish.observe.places import placed_by_grids, told_of_places, with_places
+
+    if target.has_markers:
+        marked = [one.marked for one in detected if one.marked is not None]
+        placed = with_places(marked_corners(marked, target, size, names), target)
+    else:
+        grids = [one.grids.grids for one in detected if one.grids is not None]
+        placed = placed_by_grids(grids, target, size, names)
+    return placed, told_of_places(target, placed, target.board_names)
 
 
 _Named = tuple[Observations, list[PhotoReport], Callable[..., PhotoEvidence]]

@@ -57,6 +57,8 @@ if TYPE_CHECKING:
     from cubicfish_cli.observe import Inputs
 
 _LONGEST_TITLE = 100
+# The case of a finding: boards' places were measured, which the target's file did not know.
+_PLACED = "found"
 
 # Only a calibration makes them, for its own camera. A corners.csv may be the user's own.
 _ITS_OWN = ("map", "target")
@@ -293,9 +295,15 @@ def _observe(options: CalibrateOptions, run: Run) -> Inputs:
     source, most, size = options.source, options.most, options.image_size
     frames = Path(options.folder) / FRAMES
     photos, chosen = photos_of(options.paths, frames, source, most, run)
-    exclude = paths_of(options.exclude)
     observed = load_inputs(
-        options.kind, photos, source, run, image_size=size, most=most, exclude=exclude
+        options.kind,
+        photos,
+        source,
+        run,
+        image_size=size,
+        most=most,
+        exclude=paths_of(options.exclude),
+        unplaced=True,
     )
     run.listener.found(observed.photo_findings)
     return replace(observed, chosen=observed.chosen or chosen)
@@ -356,7 +364,8 @@ def _make_contents(
         if contents["map"] is None:
             width, height = fitted.camera.image_size
             run.listener.tell(Event.NO_MAP, width=width, height=height)
-        if fitted.refined != "off" and fitted.target is not None:
+        measured = any(one.case == _PLACED for one in fitted.fit.findings)
+        if (fitted.refined != "off" or measured) and fitted.target is not None:
             contents["target"] = fitted.target.text()
     for name, (maker, _) in extension_outputs().items():
         if name in goals:

@@ -129,7 +129,7 @@ def detect_files(options: DetectOptions, *, run: Run = Run()) -> DetectedFiles:
     folder = path_or_none(options.draw)
     pictures = {} if folder is None else drawings(folder, found)
     plan.writes(*pictures.values(), within=folder)
-    detection = find_corners(found, source.load(run.listener), run)
+    detection = find_corners(found, source.load(run.listener, unplaced=True), run)
     save_corners(file, detection.corners, overwrite=run.overwrite)
     if options.draw is None:
         return DetectedFiles(detection=detection, file=file)

@@ -185,6 +185,31 @@ def _board_place(
     return Said(f"{of}board {board} {where}{squares * resized}", do=_MEASURE)
 
 
+@WORDS.finding(Code.BOARD_PLACE, "found")
+def _board_place_found(boards: Names) -> Said:
+    places = pick(boards, "the place", "the places")
+    return Said(f"{places} of {listed(boards, 'boards')} {pick(boards, 'was', 'were')} measured")
+
+
+@WORDS.finding(Code.BOARD_PLACE, "not_found")
+def _board_place_not_found(boards: Names) -> Said:
+    return Said(
+        f"{listed(boards, 'boards')} {pick(boards, 'is', 'are')} left out: where "
+        f"{pick(boards, 'it is', 'they are')} could not be measured",
+        do="take at least three photos that show two boards at a time, one of them whole",
+    )
+
+
+@WORDS.finding(Code.FITS_NOWHERE, "many_grids")
+def _many_grids_left_out(left_out: int, grids: int, unseen: str = "") -> Said:
+    none = f", and nothing of {unseen} is used" if unseen else ""
+    return Said(
+        f"{left_out} of {grids} grids are left out{none}",
+        do="check corners, square, origin and axes of the boards in target.yaml, or say place: "
+        "unknown for boards whose places were not measured",
+    )
+
+
 @WORDS.finding(Code.BOARD_PLACE, "in_most")
 def _board_place_in_most(board: str, photos: int) -> Said:
     what = f"board {board} is not where target.yaml puts it beside the other boards"
