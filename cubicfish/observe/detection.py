@@ -269,7 +269,6 @@ def _make_photos(
     ]
 
 
-_NOT_NAMED = "no corner can be named"
 # With these, where they are bad, names would be those of other corners.
 _REFUSED = (Code.ANOTHER_TARGET, Code.CORNER_COUNT, Code.NOTHING_NAMED, Code.NO_MARKERS)
 
@@ -400,7 +399,7 @@ def _refuse(findings: Sequence[Finding], *, named: bool) -> None:
         if finding.severity is Severity.BAD and finding.code in _REFUSED:
             raise DetectionError(findings=[finding])
         if finding.severity is not Severity.NOTE and not named:
-            raise DetectionError(_NOT_NAMED, findings=[finding])
+            raise DetectionError(findings=[finding])
 
 
 def _is_showing_boards(detected: PhotoDetection) -> bool:

@@ -462,7 +462,7 @@ def _print_calibration(made: CalibratedFiles) -> None:
 
 
 def _print_figures(fitted: Calibration | PointCalibration) -> None:
-    from cubicfish_cli.words.camera import pupil_meaning, scope
+    from cubicfish_cli.words.camera import scope
 
     fit, more = fitted.fit, list[tuple[str, float, str]]()
     result(
@@ -476,7 +476,7 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
             ("  linear, reweighted", fit.reweighted_rms_px, "over its denominators"),
         ]
     else:
-        judged = "photos judged by cameras that never saw them"
+        judged = "photos not used in the fit"
         more.append(
             ("  radial reference", fit.radial_rms_px, "a Kannala–Brandt lens, same corners")
         )
@@ -488,10 +488,6 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
     figures.print_errors(fit, more)
     for figure in scope(fitted):
         figures.print_figure(*figure)
-    if fit.pupil is not None:
-        pupil = fit.pupil
-        meaning = pupil_meaning(pupil.rim_px, pupil.distance, pupil.units)
-        figures.print_figure("entrance pupil", figures.px(abs(pupil.rim_px)), meaning=meaning)
     if fit.lift == "point":
         meaning = "P means something on the boards only; points off them are refused"
         if fit.rank == 20:

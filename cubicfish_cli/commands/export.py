@@ -32,7 +32,7 @@ _HELP = f"""Write the camera for another tool, and say how near its lens model c
 None of these formats holds a 3x20 matrix: the lens of the format is fitted to the camera over its
 field, in pixels. The RMS and the largest error are printed, with the angle up to which they hold,
 and written into the file if it takes comments. They hold up to where the calibration's corners
-reach. Beyond, the camera itself is a guess, and the error there is stated apart. A camera that was
+reach. Beyond, the camera is extrapolated, and the error there is stated apart. A camera that was
 imported has no corners: there the whole field counts.
 
 Most programs read OPENCV_FISHEYE, which colmap writes; colmap-rad-tan-thin-prism-fisheye needs

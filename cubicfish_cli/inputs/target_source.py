@@ -198,6 +198,6 @@ def length_mm(text: str) -> float:
     match = re.fullmatch(rf"\s*({number})\s*({units})?\s*", text, re.I)
     value = float(match[1]) * MILLIMETRES[(match[2] or "mm").lower()] if match else 0.0
     if not 0 < value < 1e6:
-        raise TargetError(f"{quoted(text)} is no length: write it like 30mm, 3cm or 1.25in")
+        raise TargetError(f"{quoted(text)} is not a length: write it like 30mm, 3cm or 1.25in")
     # Inches are exact in binary as little as tenths are; files should still look as meant.
     return round(value, 9)

@@ -377,8 +377,8 @@ def common_options(command: Command) -> Command:
             words, help, expose_value=False, is_eager=True, callback=_make_callback(key, value)
         ).make(to)
         for key, value, words, to, help in (
-            (VERBOSITY_KEY, 1, "-v --verbose", "verbose", "Say more."),
-            (VERBOSITY_KEY, -1, "-q --quiet", "quiet", "Say nothing but results and errors."),
+            (VERBOSITY_KEY, 1, "-v --verbose", "verbose", "Verbose output."),
+            (VERBOSITY_KEY, -1, "-q --quiet", "quiet", "Print only results and errors."),
             (DEBUG_KEY, True, "--debug", "debug", "Show the traceback of an error."),
         )
     ]

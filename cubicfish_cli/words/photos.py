@@ -195,10 +195,10 @@ def _grid(grids: int, columns: int, rows: int, corners: int) -> str:
 
 @WORDS.finding(Code.BY_CONVENTION)
 def _by_convention(grids: int, columns: int, rows: int, corners: int) -> Said:
+    placed = pick(grids, "it is placed in the board's middle", "each is placed in its middle")
     return Said(
-        f"{_grid(grids, columns, rows, corners)} may show only a part of the board, and is placed "
-        "in its middle",
-        do="where it is does not matter to the lens, only to measuring the board",
+        f"{_grid(grids, columns, rows, corners)} may show only part of the board; {placed}",
+        do="this does not matter for the lens, only for measuring the board",
     )
 
 

@@ -334,22 +334,22 @@ def _corner_names(
 
 @WORDS.finding(Code.CORNER_COUNT)
 def _corner_count(
-    boards: Names,
     counts: Sequence[Mapping[str, Any]],
     alike: bool,
     fewest: int,
     most: int,
     photos: int,
 ) -> Said:
+    many = f"{fewest if alike else f'{fewest} to {most}'} of {photos} photos"
+    many = f"all {photos} photos" if fewest == photos else many
     seen = [
-        "{columns}x{rows} inner corners of board {board} (the target says "
-        "{drawn_columns}x{drawn_rows})".format(**one)
+        "board {board}: the target says {drawn_columns}x{drawn_rows} inner corners, {many} show "
+        "{columns}x{rows}".format(many=many, **one)
         for one in counts
     ]
-    many = f"{fewest}" if alike else f"{fewest} to {most}"
     return Said(
-        f"photos show {listed(seen, 'counts')}",
-        f"{many} of {photos} photos show {pick(boards, 'it', 'them')} so, and none shows more",
+        listed(seen, "boards"),
+        "no photo shows more",
         f"correct {COUNTS} and run it again (origin too, if it was of a corner that is not there), "
         "unless something covers the rest in all photos",
     )
@@ -540,10 +540,12 @@ def _photo_lens_left_out(images: Names, others: int, noise_px: float) -> Said:
 
 @WORDS.finding(Code.REPEATS)
 def _repeats(photos: int, distinct: int, repeats: Names) -> Said:
+    pairs = [one.split(" = ") for one in repeats]
+    alike = [f"{copy} is a near-duplicate of {first}" for first, copy in pairs]
     return Said(
-        f"{photos} photos are effectively {distinct}: {listed(repeats, 'repeats')}",
-        "each was taken from the same place as another one, or is its copy; the held-out error "
-        "leaves such photos out together",
+        f"{listed(alike, 'near-duplicates')}",
+        f"{photos} photos count as {distinct}; the held-out error leaves near-duplicates out "
+        "together",
         "take photos from other places instead",
     )
 

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 import pytest
-from running import SAMPLE, run_cli
+from running import run_cli
+from samples import SAMPLE
 
 from cubicfish import PhotoError
 from cubicfish_cli.inputs.paths import not_excluded

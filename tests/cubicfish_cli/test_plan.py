@@ -11,8 +11,9 @@ import click
 import pytest
 import yaml
 from command_tree import commands
-from running import SAMPLE, invoke_cli
 from running import Run as RunCommand
+from running import invoke_cli
+from samples import SAMPLE
 
 from cubicfish import OutputError, Run
 from cubicfish.photos import Photo

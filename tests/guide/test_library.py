@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 from lenses import smaller
 from listening import Heard
-from running import SAMPLE, run_cli
+from running import run_cli
+from samples import SAMPLE
 from saved_maps import read_map
 from synthetic import checkerboard
 

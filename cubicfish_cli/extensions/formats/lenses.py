@@ -26,6 +26,8 @@ _NAMES: Mapping[str, tuple[str, ...]] = {
     "t": ("t1", "t2"),
     "s": ("s1", "s2", "s3", "s4"),
 }
+# The fewest numbers that an array of a lens has; those that a file lacks are 0.
+_FEWEST = {"k": 4, "t": 2, "s": 4}
 
 
 def named_numbers(lens: Lens) -> dict[str, float]:
@@ -58,8 +60,10 @@ def named_lens(
     own: dict[str, float | FloatArray] = {}
     for one in fields(model):
         if one.name in _NAMES:
-            values = [named[name] for name in _NAMES[one.name] if name in named]
-            own[one.name] = np.array(values, float)
+            names = _NAMES[one.name]
+            last = max((names.index(name) + 1 for name in names if name in named), default=0)
+            there = names[: max(last, _FEWEST.get(one.name, 0))]
+            own[one.name] = np.array([named.get(name, 0.0) for name in there], float)
         elif one.name in named:
             own[one.name] = named[one.name]
     return model(image_size=image_size, **own)

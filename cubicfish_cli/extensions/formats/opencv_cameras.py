@@ -16,7 +16,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
 
@@ -24,7 +24,8 @@ import numpy as np
 
 from cubicfish import CameraFileError, FloatArray, quoted
 from cubicfish.files import parse_plain_yaml, read_text
-from cubicfish.models import FocalLens, Lens, RadialCamera
+from cubicfish.models import Lens, RadialCamera
+from cubicfish_cli.extensions.formats.colmap_cameras import ThinPrismLens
 from cubicfish_cli.extensions.formats.lenses import (
     PINHOLE,
     PinholeLens,
@@ -68,29 +69,6 @@ _FISHEYE = (
 _COUNTS = (0, 4, 5, 8, 12, 14)
 
 _MAX_DEPTH = 12
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SkewedFisheye(FocalLens):
-    """cv2.fisheye's lens with a skew in pixels, which its calibration finds unless told not to."""
-
-    name = RadialCamera.name
-    label = "Kannala–Brandt with skew"
-
-    skew: float
-    k: FloatArray
-
-    @classmethod
-    def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
-        """Return the radial lens."""
-        return (cls.near(radial, skew=0.0, k=radial.k),)
-
-    def pixels(self, points: FloatArray) -> FloatArray:
-        """See :class:`~cubicfish.models.lens.Lens`."""
-        core = {key: getattr(self, key) for key in ("image_size", "fx", "fy", "cx", "cy", "k")}
-        pixel = RadialCamera(**core).project(points)
-        pixel[:, 0] += self.skew / self.fy * (pixel[:, 1] - self.cy)
-        return pixel
 
 
 def opencv_text(one: PlacedLens) -> str:
@@ -200,7 +178,7 @@ def read_opencv(
         named |= {"xi": float(keys.numbers(xi, (1,))[0]), "skew": skew}
         return named_lens(path, UnifiedLens, photos, named)
     named |= dict(zip(("k1", "k2", "k3", "k4"), d, strict=True))
-    model = SkewedFisheye if skew else RadialCamera
+    model = ThinPrismLens if skew else RadialCamera
     return named_lens(path, model, photos, {**named, "skew": skew})
 
 

@@ -19,7 +19,8 @@ import pytest
 import yaml
 from command_tree import commands
 from pairs_csv import write_pairs
-from running import SAMPLE, invoke_cli, run_cli
+from running import invoke_cli, run_cli
+from samples import SAMPLE
 
 import cubicfish
 from cubicfish import Target, load_corners
@@ -27,11 +28,11 @@ from cubicfish.find.identification.second_pass import Prediction
 from cubicfish.fit import calibrate as fit
 from cubicfish.observe import detection, glances
 from cubicfish.rigs import alone
+from cubicfish.scene import photos as simulate
 from cubicfish.workers import cluster, pool
 from cubicfish_cli import CubicfishError, load_camera, save_camera
 from cubicfish_cli.commands import exporting
 from cubicfish_cli.extensions.advice import advise
-from cubicfish_cli.extensions.simulation import simulate
 from tests.cubicfish_cli.extensions.rigs.test_export import made_rig
 
 TARGET, ALL_CORNERS = SAMPLE / "target.yaml", SAMPLE / "true_corners.csv"

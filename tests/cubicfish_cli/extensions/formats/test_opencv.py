@@ -134,6 +134,22 @@ def test_an_omnidir_lens_projects_as_its_formula_says(tmp_path):
     np.testing.assert_allclose(pixel, (skewed @ bent)[:2], atol=1e-10)
 
 
+def test_a_skewed_fisheye_projects_as_opencv_does(tmp_path):
+    skewed = K + np.array([[0, 2.5, 0], [0, 0, 0], [0, 0, 0]])
+    path = stored(
+        tmp_path / "camera.yml",
+        K=skewed,
+        D=D4,
+        fisheye_model=1,
+        image_size=np.array([640.0, 480.0]),
+    )
+    points = np.array([[0.5, -0.3, 0.8], [-1.0, 0.2, 0.6]])
+    pixel, _ = cv2.fisheye.projectPoints(
+        points[:, None], np.zeros(3), np.zeros(3), skewed, D4, alpha=skewed[0, 1] / skewed[0, 0]
+    )
+    np.testing.assert_allclose(read_opencv(path).project(points), pixel[:, 0], atol=1e-9)
+
+
 XML = '<?xml version="1.0"?>\n<opencv_storage>\n{}\n</opencv_storage>\n'
 GOOD = {"K": K.ravel().tolist(), "D": [0, 0, 0, 0, 0], "image_size": [640, 480]}
 
