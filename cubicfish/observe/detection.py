@@ -206,7 +206,7 @@ def first_pass(
     if not targets:
         size = _find_common_size(found) or (0, 0)
         return nameless([photo.name for photo in photos], [one.grids for one in found], size)
-    named, why = list[Detection](), DetectionError(_NOT_NAMED)
+    named, why = list[Detection](), DetectionError("")
     for target in targets:
         try:
             named.append(_name_corners(photos, found, target))
