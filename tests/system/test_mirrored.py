@@ -22,7 +22,7 @@ from cubicfish.fit.radial_reference import fit_radial
 from cubicfish.observe.detection import first_pass
 from cubicfish.photos import find_photos
 from cubicfish.scene.faces import board_face
-from cubicfish.solve import rms_px
+from cubicfish.solve.statistics import rms_px
 from cubicfish.target.boards.shape import BoardShape
 from cubicfish.workers.pool import Work
 from cubicfish_cli.words.sentences import render

@@ -53,7 +53,8 @@ def named_lens(
 
     """
     if not (named["fx"] > 0 and named["fy"] > 0):
-        raise CameraFileError(f"{where}: focal lengths must be above 0")
+        why = "this camera was not calibrated" if named["fx"] == 0 else "is it a camera's file?"
+        raise CameraFileError(f"{where}: focal lengths must be above 0: {why}")
     for name, (least, most) in model.limits.items():
         if not least <= named[name] <= most:
             raise CameraFileError(f"{where}: {name} must be from {least:g} to {most:g}")

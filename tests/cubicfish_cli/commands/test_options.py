@@ -242,6 +242,7 @@ CASES = {
             "--from": ("opencv", {"one", "several"}),
             "--camera": ("cam7", {"several"}),
             "--size": ("640x480", {"one", "several"}),
+            "--lens": ("fisheye", set()),  # only of four coefficients: test_camera_keys.py
             "--max-angle": ("50", {"one", "several"}),
             "--output": ("{out}/d.yaml", {"one", "several"}),
             "--overwrite": (None, {"one", "several"}),
@@ -252,15 +253,17 @@ CASES = {
         lines={
             "lens": "{camera} --to opencv -o {out}/c.yaml",
             "maps": "{camera} --to maps -o {out}/m.npz",
+            "source": "{camera} --to c -o {out}/c.h",
         },
         used={
             "--model": ("{small}", set()),
-            "--to": ("ros", {"lens", "maps"}),
-            "--output": ("{out}/d.npz", {"lens", "maps"}),
+            "--to": ("ros", {"lens", "maps", "source"}),
+            "--name": ("left", {"source"}),
+            "--output": ("{out}/d.npz", {"lens", "maps", "source"}),
             "--max-error": ("1e-9", {"lens"}),
             "--max-angle": ("40", {"lens"}),
-            "--overwrite": (None, {"lens", "maps"}),
-            "--json": (None, {"lens", "maps"}),
+            "--overwrite": (None, {"lens", "maps", "source"}),
+            "--json": (None, {"lens", "maps", "source"}),
         },
     ),
     "compare": Case(
