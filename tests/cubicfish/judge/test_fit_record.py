@@ -14,6 +14,7 @@ from cubicfish.judge.fit_record import (
     Departure,
     DroppedCorner,
     FitRecord,
+    MarkedPoints,
     PhotoRecord,
     PoseRecord,
 )
