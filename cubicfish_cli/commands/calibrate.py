@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -47,7 +46,7 @@ from cubicfish_cli.terminal.terminal import (
     print_wrote,
     result,
 )
-from cubicfish_cli.words.phrases import counted, plural
+from cubicfish_cli.words.phrases import counted, plural, shell_line
 from cubicfish_cli.words.sentences import render, with_texts
 
 if TYPE_CHECKING:
@@ -436,7 +435,7 @@ def _report_missing_page(files: Mapping[str, Path], *, wanted: bool) -> None:
     if old.exists():
         print_message(f"note: {old} is of an earlier calibration")
     if wanted and extra.missing(extra.REPORT):
-        report = f"cubicfish report {shlex.quote(str(old.parent))}"
+        report = shell_line("cubicfish", "report", old.parent)
         print_message(f"No {PAGE} was written: {extra.INSTALL}, then {report!r}, makes it.")
 
 
@@ -467,7 +466,8 @@ def _print_calibration(made: CalibratedFiles) -> None:
     _print_object(fit)
     print_wrote(made.files.values())
     if fit.lift == "point":
-        print_next(f"cubicfish project POINTS --model {everything}")
+        camera = made.files["camera"]
+        print_next(shell_line("cubicfish", "project", "POINTS", "--model", camera))
         return
     used = {Path(name).name for name in fitted.pairs.images}
     photo = next((photo for photo in made.inputs.photos if photo.name in used), None)
@@ -545,16 +545,15 @@ def print_next_steps(
     if judged.level == "bad":
         lines.append(render(judged.reasons[0]).do)
         if judged.reasons[0].asks_for_photos:
-            lines.append(f"cubicfish advise{_name_folder(camera)}")
+            lines.append(shell_line("cubicfish", "advise", *_name_folder(camera)))
     else:
-        name = "PHOTO" if photo is None else shlex.quote(str(photo))
         flat = f"flat{photo.suffix.lower()}" if photo is not None else "flat.png"
-        option = f" --model{_name_folder(camera)}" if camera != DEFAULT_MODEL else ""
-        lines.append(f"cubicfish undistort {name} {flat}{option}")
+        option = ("--model", *_name_folder(camera)) if camera != DEFAULT_MODEL else ()
+        lines.append(shell_line("cubicfish", "undistort", photo or "PHOTO", flat, *option))
     if report is not None:
-        lines.append(f"open {shlex.quote(str(report))}")
+        lines.append(shell_line("open", report))
     print_next(*lines)
 
 
-def _name_folder(camera: Path) -> str:
-    return "" if camera == DEFAULT_MODEL else f" {shlex.quote(str(camera.parent))}"
+def _name_folder(camera: Path) -> list[Path]:
+    return [] if camera == DEFAULT_MODEL else [camera.parent]
