@@ -86,7 +86,9 @@ class PhotoSpread:
         """(N, 2) the difference of the two guesses at rays of an empty middle; 0 elsewhere."""
         if not self.empty:
             return np.zeros((len(rays), 2))
-        differ = self.noise.gauge.lens.far(rays) - self.prior_lens.project(rays)
+        lens = self.noise.gauge.lens
+        assert isinstance(lens, CubicFit)
+        differ = lens.far(rays) - self.prior_lens.project(rays)
         return np.where(rays[:, 2:] > np.cos(self.empty), differ, 0.0)
 
     def _estimate_variance(self, left_out: FloatArray, influence: FloatArray) -> FloatArray:
