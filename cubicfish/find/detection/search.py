@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from itertools import compress
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from cubicfish.find.detection.accept import (
     hang_together,
@@ -21,7 +20,7 @@ from cubicfish.find.detection.crossing import Crossings
 from cubicfish.find.detection.growth import clean, grow, measure_contrast
 from cubicfish.find.detection.lattice import Lattice, window
 from cubicfish.find.detection.links import Patch, find_patches
-from cubicfish.find.detection.nearby import nearest
+from cubicfish.find.detection.nearby import Tree, nearest
 from cubicfish.find.detection.pyramid import Pyramid, enlarged
 from cubicfish.find.detection.refine import measures, refine_pixels, whole_corners
 from cubicfish.find.detection.seeds import SURE_CORNERS, find_promising
@@ -148,7 +147,7 @@ def _grow_patches(
 ) -> tuple[list[_Fitted], IntArray, int]:
     """Grids, which of them each corner (N,) is part of or -1, and how many patches became none."""
     grid = np.full(len(corners.pixel), -1)
-    candidates = cKDTree(corners.pixel)
+    candidates = Tree(corners.pixel)
     found: list[_Fitted] = []
     failures = 0
     sure = sum(len(patch.corner) >= SURE_CORNERS for patch in patches)
@@ -166,7 +165,7 @@ def _grow_patches(
             cells = lattice.cells()
             taken = _find_taken(corners.pixel, lattice.at(cells), lattice.fit(cells).side)
             grid[taken & (grid < 0)] = len(found)
-            candidates = cKDTree(corners.pixel[grid < 0])
+            candidates = Tree(corners.pixel[grid < 0])
             found.append(seen)
     return found, grid, failures
 
@@ -189,7 +188,7 @@ def is_beyond_chance_among(lattice: Lattice, crossings: XCorners, zoom: float = 
 
 
 def _grow_patch(
-    pyramid: Pyramid, corners: XCorners, patch: Patch, candidates: cKDTree
+    pyramid: Pyramid, corners: XCorners, patch: Patch, candidates: Tree
 ) -> _Fitted | None:
     """Grow a patch into a grid; None when it turns out not to be a board."""
     lattice = patch.lattice(corners)
