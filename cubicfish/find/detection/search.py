@@ -213,7 +213,7 @@ def _judge(pyramid: Pyramid, lattice: Lattice) -> _Fitted | None:
     cells = lattice.cells()
     blocks = (cells // _BLOCK).sum(1) % max(1, len(cells) // _JUDGED)
     some = cells[blocks == np.bincount(blocks).argmax()]
-    found, good = verify(pyramid, lattice, some)
+    found, good = verify(pyramid, lattice, some, roughly=True)
     lattice.drop(some[~good])
     clean(lattice)
     if good.mean() < _KEPT_SHARE or not is_large_enough(lattice):
@@ -252,11 +252,13 @@ def judge_whole(lattice: Lattice, found: Crossings) -> bool:
     return is_board(lattice, cells[connected], found.select(connected))
 
 
-def verify(pyramid: Pyramid, lattice: Lattice, cells: IntArray) -> tuple[Crossings, BoolArray]:
+def verify(
+    pyramid: Pyramid, lattice: Lattice, cells: IntArray, *, roughly: bool = False
+) -> tuple[Crossings, BoolArray]:
     """Move some corners (N, 2) to their sub-pixel positions: fits, and which pass all tests."""
     fit = lattice.fit(cells)
     pixel = lattice.at(cells)
-    found = refine_pixels(pyramid, pixel, fit)
+    found = refine_pixels(pyramid, pixel, fit, roughly=roughly)
     sign = lattice.sign(cells)
     lattice.put(cells, found.pixel, found.contrast(sign))
     around = _take_median_around(measures(found, sign), lattice, cells)
