@@ -9,18 +9,19 @@ In all of them pixel (0, 0) is the middle of the first one, as here.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
 
-from cubicfish import FloatArray
-from cubicfish.models import FormulaLens, RadialCamera
+from cubicfish import CubicCamera, FloatArray
+from cubicfish.models import FormulaLens, RadialCamera, angle_from_axis
+from cubicfish.solve import nearest_lens
 from cubicfish_cli.extensions.formats.colmap_cameras import RadialPolyLens, RadTanThinPrismLens
 from cubicfish_cli.foreign.file_contents import PlacedLens, json_text
 
 _INVERTED = 400
-_MARGIN = 1.02  # beyond the photo's farthest corner
+_MARGIN = 1.001  # what lies at the field's end is within it
 # Readers of Aria's files insist on a device of theirs, and on the frame that places count from.
 _ARIA_BUILD, _ARIA_ORIGIN = "DVT-S", "camera-slam-left"
 
@@ -32,6 +33,7 @@ class FThetaLens(RadialPolyLens):
     Attributes:
         k: (4,) its coefficients of θ² and on, over that of θ, which is fy.
         d, e: the linear term's.
+        reach: the field's angle from the axis, radians.
 
     """
 
@@ -40,6 +42,15 @@ class FThetaLens(RadialPolyLens):
 
     d: float
     e: float
+    reach: float = field(default=np.pi, metadata=FormulaLens.FIXED)
+
+    @classmethod
+    def nearest_to(cls, camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> Self:
+        """See :class:`Lens`: it keeps how far the field reaches."""
+        reach = float(angle_from_axis(rays).max())
+        return replace(
+            nearest_lens(cls.starts(camera.radial, reach), rays, pixel), reach=_MARGIN * reach
+        )
 
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
@@ -60,17 +71,13 @@ def ftheta_text(one: PlacedLens) -> str:
     """Write an f-theta lens; the polynomial from angles is exact, its inverse is fitted."""
     lens: FThetaLens = one.lens
     forward = lens.fy * np.array([0.0, 1.0, *lens.k])
-    width, height = lens.image_size
-    corners = np.array([[x, y] for x in (-0.5, width - 0.5) for y in (-0.5, height - 0.5)])
-    farthest = np.hypot(*(corners - [lens.cx, lens.cy]).T).max() * _MARGIN
-    theta = np.linspace(0, lens.max_angle, _INVERTED)
+    theta = np.linspace(0, min(lens.max_angle, lens.reach), _INVERTED)
     radius = np.polynomial.polynomial.polyval(theta, forward)
-    theta, radius = theta[radius <= farthest], radius[radius <= farthest]
     rows = (radius / radius[-1])[:, None] ** np.arange(1, 6)
     inverse = np.linalg.lstsq(rows, theta, rcond=None)[0] / radius[-1] ** np.arange(1, 6)
     return json_text(
         {
-            "resolution": [width, height],
+            "resolution": list(lens.image_size),
             "shutter_type": "GLOBAL",
             "external_distortion_parameters": None,
             "principal_point": [lens.cx, lens.cy],
