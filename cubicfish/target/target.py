@@ -19,6 +19,7 @@ from cubicfish.target.boards.board import Board
 from cubicfish.target.boards.section import AXES_TOLERANCE, Section
 from cubicfish.target.boards.types import BOARD_TYPES
 from cubicfish.types import FloatArray, IntArray
+from cubicfish.units import explain_unknown
 from cubicfish.wording import Brief, did_you_mean, quoted
 
 # A refined target of some ten thousand corners, each with its offset.
@@ -190,6 +191,8 @@ def _make_target(where: str, data: object) -> Target:
     top.allow_only(("units", "boards", "mirrored"), "a target file")
     mirrored = top.flag("mirrored")
     units = top.text("units", hint="the unit of every length in it, such as mm")
+    if unknown := explain_unknown(units):
+        top.refuse("units", unknown)
     entries = top.required("boards", hint="a list of boards")
     if not isinstance(entries, list) or not entries:
         top.refuse("boards", "must be a list of at least one board, each starting with '- name:'")
