@@ -1,5 +1,6 @@
 """undistort and map: the right view of the right photos, and nothing replaced unasked."""
 
+import io
 import re
 import signal
 import subprocess
@@ -16,6 +17,7 @@ from samples import SAMPLE
 from saved_maps import read_map
 
 from cubicfish import load_camera
+from cubicfish_cli.commands.undistort import named_sources
 
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"
 
@@ -245,6 +247,20 @@ def test_of_a_cube_that_is_there_in_part_the_rest_is_made(
     kept.write_bytes(b"mine")
     assert run(*args, "--skip-existing").stdout.startswith(f"wrote {gone}: ")
     assert {path: path.read_bytes() for path in tmp_path.glob("c_*.png")} == {**made, kept: b"mine"}
+
+
+@pytest.mark.parametrize("listed", ["{0}\n\n  \n{1}\n\n", "{0}\r\n\r\n{1}", "{0}\0{1}\0"])
+def test_names_on_stdin_may_have_blank_lines_or_zeros_between(
+    monkeypatch: pytest.MonkeyPatch, listed: str
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO(listed.format("a b.jpg", "c.jpg"), newline=""))
+    assert named_sources(["first.jpg", "-"]) == ["first.jpg", "a b.jpg", "c.jpg"]
+
+
+@pytest.mark.parametrize("listed", ["", "\n \n", "\0\0"])
+def test_no_names_on_stdin_are_wrong_usage(run: Run, tmp_path: Path, listed: str) -> None:
+    said = run("undistort", "-", tmp_path / "out", "-m", "any.yaml", input=listed, code=2).stderr
+    assert "stdin lists no photos: give one name a line" in said
 
 
 def test_names_come_as_arguments_globs_and_from_stdin(
