@@ -577,7 +577,7 @@ def output_option(
 exclude_option = option(
     "--exclude PHOTO",
     "Leave this photo out, or those of a pattern such as 'blurred_*'; may be repeated.",
-    FILE,
+    str,
     multiple=True,
 )
 
