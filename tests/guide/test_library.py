@@ -323,7 +323,7 @@ def test_what_a_photo_was_placed_by_says_nothing_of_the_object(
         calibrate(Detection(corners=corners, photos=(report,), findings=(finding,)), target)
     calibrate(Detection(corners=corners, photos=(report,)), target, refine_target="shape")
     assert [given["refine_target"] for given in calls] == ["auto", "auto", "shape"]
-    assert calls[0]["diagnose"].keywords == {"known": (finding,)}
+    assert calls[0]["diagnose"].keywords == {"known": [finding]}
     assert calls[0]["target"] is target
 
 
