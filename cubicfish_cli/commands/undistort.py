@@ -57,7 +57,7 @@ class PictureOptions:
     interpolation: Interpolation = option(
         "--interpolation",
         "How values between pixels are worked out.",
-        click.Choice(get_args(Interpolation)),
+        parameters.Choice(get_args(Interpolation)),
         "linear",
     )
     quality: int | None = option(
