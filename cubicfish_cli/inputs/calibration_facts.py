@@ -227,6 +227,8 @@ def _measure_residuals(
         if name in poses:
             own = pairs.image == photo
             points[own] = camera_points(poses[name], pairs.world[own])
+    if isinstance(camera, CubicCamera):
+        camera = camera.over_corners(fit.covered_deg)
     return points, camera.project(points, near=True) - pairs.pixel
 
 
