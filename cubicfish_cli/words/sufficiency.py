@@ -46,7 +46,6 @@ def summary(known: CameraFacts, pairs: Observations) -> str | None:
         return f"enough photos: {covered}{certain}"
     if reasons[0].code == Code.NOT_TRUSTED:
         return f"fix this first: {render(reasons[0].figures['reason']).do}"
-    what = render(reasons[0]).what
     where = "; ".join(gap_words(gaps)[:_PARTS])
-    next_ones = f"show the target next at: {where}" if where else f"more photos: {what}"
+    next_ones = f"show the target next at: {where}" if where else "take more photos"
     return f"{next_ones} ('cubicfish advise' says from where)"
