@@ -429,7 +429,7 @@ def _print_calibration(made: CalibratedFiles, target: Path | None) -> None:
     fitted, fit, detection = made.fitted, made.fitted.fit, made.inputs.detection
     judged, first = fitted.verdict, headline(fitted)
     result(f"{first}: {judged.words}", mark=(judged.words, judged.level))
-    result(f"{fitted.lens_line}\n")
+    result(f"{fitted.title}: {fitted.lens_line}\n" if fitted.title else f"{fitted.lens_line}\n")
     _print_figures(fitted)
     lost = dict.fromkeys(fitted.unfit, "left out")  # stderr has the reasons
     lost |= figures.why_lost(detection)

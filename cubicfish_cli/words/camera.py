@@ -43,7 +43,7 @@ def lens_rows(known: CameraFacts) -> list[tuple[str, str]]:
         x, y = ("", "") if sigma is None else (f" ± {one:.2f}" for one in sigma)
         rows.append((name, f"x {value[0]:.2f}{x}, y {value[1]:.2f}{y} {unit}"))
     if known.field is not None:
-        rows.append(("sees", str(known.field)))
+        rows.append(("field of view", str(known.field)))
     pupil = known.fit.pupil
     if pupil is not None and abs(pupil.rim_px) >= _PUPIL_MATTERS_PX:
         rows.append(("entrance pupil", pupil_words(pupil.rim_px, pupil.distance, pupil.units)))

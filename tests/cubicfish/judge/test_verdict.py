@@ -285,4 +285,4 @@ def test_small_errors_do_not_clear_an_uncertain_camera(sigma: float, level: str)
     assert judged.level == level
     assert [reason.code for reason in judged.reasons] == [Code.UNCERTAIN] * (level != "good")
     larger = evaluation_verdict(errors, uncertainty, FitRecord(), (8000, 6000))
-    assert larger.level == ("good" if sigma < 2 else "care")
+    assert larger.level == ("good" if sigma < 2 else "bad")

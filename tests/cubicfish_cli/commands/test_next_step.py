@@ -41,7 +41,7 @@ def bad(code: Code, **figures: float) -> Verdict:
             bad(Code.LARGE_ERRORS, error_px=2.0),
             CAMERA,
             None,
-            "Next: cubicfish target check 'a b.yaml'\n",
+            "target check 'a b.yaml'\n",
         ),
     ],
 )
@@ -73,7 +73,7 @@ def test_the_headline_is_first_and_last_and_the_verdict_ends_the_screen(
     said = run(*line).stdout
     first, *lines = said.splitlines()
     found = re.fullmatch(
-        r"(0\.\d\d px where corners were, ±0\.\d\d px over the field, \d+ % of the photo "
+        r"(0\.\d+ px where corners were, ±0\.\d+ px over the field, \d+ % of the photo "
         "calibrated): usable with care",
         first,
     )
