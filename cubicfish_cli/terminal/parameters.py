@@ -574,6 +574,13 @@ def output_option(
     return option(f"-o --output {words}", help, kind, default, **more)
 
 
+exclude_option = option(
+    "--exclude PHOTO",
+    "Leave this photo out, or those of a pattern such as 'blurred_*'; may be repeated.",
+    FILE,
+    multiple=True,
+)
+
 json_option = option("--json", "Print one JSON object to stdout, and nothing else.")
 
 

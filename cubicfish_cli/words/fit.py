@@ -269,7 +269,7 @@ def _board_dropped(
 
 @WORDS.finding(Code.STANDS_OUT)
 def _stands_out(times: float) -> Said:
-    return Said(f"{times:.0f} times the others' error", do="look at it")
+    return Said(f"{times:.0f} times the others' error", do="look at it, or --exclude it")
 
 
 @WORDS.finding(Code.STANDS_OUT, "short")

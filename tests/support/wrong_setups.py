@@ -16,8 +16,8 @@ import synthetic
 from asymmetric_lens import AsymmetricLens
 
 from cubicfish import Observations, Target, save_corners
+from cubicfish.scene.truth import Pose
 from cubicfish.target.boards.shape import BoardShape
-from cubicfish_cli.viewpoints.truth import Pose
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 import pytest
 import wrong_setups as wrong
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 from cubicfish import load_camera
 from cubicfish_cli.words.sentences import render

@@ -18,10 +18,10 @@ from matplotlib.text import Text
 from matplotlib.transforms import Affine2D
 
 from cubicfish import FloatArray
+from cubicfish.scene import board_face
 from cubicfish.target import Board
 from cubicfish_cli import __version__
 from cubicfish_cli.extensions.printing.layout import STRIP, Cut, Page, Side
-from cubicfish_cli.render.board_faces import board_face
 from cubicfish_cli.render.drawing import drawing
 
 _INCH = 25.4

@@ -6,7 +6,6 @@ import numpy as np
 
 from cubicfish import CubicCamera, FloatArray, aligned_difference
 from cubicfish.models import angle_from_axis
-from cubicfish.solve import rms_px
 from cubicfish_cli.inputs.calibration_facts import ErrorFacts, Facts
 from cubicfish_cli.render.difference_picture import round_up
 from cubicfish_cli.render.pages import figures as page
@@ -143,7 +142,7 @@ def angle_figure(errors: ErrorFacts) -> page.Drawn | None:
         return None
     bins = np.floor(angle / _STEP_DEG).astype(int)
     used = np.unique(bins)
-    rms = np.array([rms_px(errors.residual[bins == index]) for index in used])
+    rms = np.array([np.sqrt((length[bins == index] ** 2).mean()) for index in used])
     few = min(int((bins == index).sum()) for index in used)
     top = 1.15 * max(float(np.percentile(length, 99)), float(rms.max()), 1e-9)
     labels = ("angle from the axis, degrees", "error, px")

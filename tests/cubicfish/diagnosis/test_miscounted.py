@@ -18,9 +18,9 @@ from synthetic import (
 from cubicfish.diagnosis.corner_count import Count, miscounted
 from cubicfish.find.detection.finder import find_grids
 from cubicfish.find.identification.name_grids import name_grids
+from cubicfish.scene.photos import Look
+from cubicfish.scene.scene import Scene
 from cubicfish.target.target import Target
-from cubicfish_cli.extensions.simulation.command import LookOptions
-from cubicfish_cli.extensions.simulation.simulate import simulated_photos
 from cubicfish_cli.words.sentences import render
 
 pytestmark = pytest.mark.slow
@@ -57,7 +57,7 @@ POSES = poses_around(ONE, PHOTOS, distance=(0.9, 1.1), off_axis_deg=35, slant_de
 @pytest.fixture(scope="module")
 def grids():
     poses = {str(number): pose for number, pose in enumerate(POSES)}
-    pictures = simulated_photos(ONE, SMALL, SMALL.image_size, poses, LookOptions())
+    pictures = Scene(target=ONE, lens=SMALL, image_size=SMALL.image_size).photos(poses, Look())
     return [find_grids(picture).grids for _, picture in pictures]
 
 

@@ -227,7 +227,8 @@ def test_photos_beside_each_other() -> None:
     ]  # fmt: skip
     assert [render_short(one) for one in reported[5]] == ["5× the others"]
     assert [photo_words(own) for own in reported] == [
-        *["good"] * 5, "5 times the others' error; look at it", "2 dropped; few corners",
+        *["good"] * 5, "5 times the others' error; look at it, or --exclude it",
+        "2 dropped; few corners",
     ]  # fmt: skip
     far = {"per_image": [{"image": "a", "rms_px": 5.0, "corners": 50}] * 3}
     assert [photo_words(own) for own in reported_of_photos(far)] == ["large errors"] * 3

@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 import yaml
 from pairs_csv import write_pairs
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 from cubicfish import Target, load_corners
 

@@ -15,13 +15,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from plain_data import PLAIN
-from running import SAMPLE, run_cli
+from running import run_cli
+from samples import SAMPLE
 
 pytest.importorskip("jinja2")
 
 from cubicfish import Calibration, CameraFile, Observations, Target, load_corners
 from cubicfish.judge import FitRecord
-from cubicfish.solve import rms_px
+from cubicfish.solve.statistics import rms_px
 from cubicfish_cli.extensions.report.page import report_html
 from cubicfish_cli.inputs.calibration_facts import Facts, gather, matched
 from cubicfish_cli.render.pages.figures import upright

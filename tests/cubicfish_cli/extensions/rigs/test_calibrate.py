@@ -19,6 +19,7 @@ from synthetic_lenses import synthetic_lens
 from cubicfish import CameraFileError, Rig, load_camera
 from cubicfish.models.lift import lift_rotation
 from cubicfish.rigs.rig import ErrorsInRig
+from cubicfish.scene.truth import rotation_matrix
 from cubicfish_cli import (
     RigEvaluateOptions,
     RigOptions,
@@ -30,7 +31,6 @@ from cubicfish_cli import (
     save_target,
 )
 from cubicfish_cli.extensions.rigs.naming import named_by
-from cubicfish_cli.viewpoints.truth import rotation_matrix
 from cubicfish_cli.words.sentences import render
 
 
