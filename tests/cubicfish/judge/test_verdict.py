@@ -1,5 +1,7 @@
 """The verdict on a fit: good where all is well, and one reason for each thing that is not."""
 
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plain_data import PLAIN
 
+import cubicfish.judge.verdict as judging
 from cubicfish.fit.calibration import Calibration
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
@@ -287,3 +290,19 @@ def test_small_errors_do_not_clear_an_uncertain_camera(sigma: float, level: str)
     assert [reason.code for reason in judged.reasons] == [Code.UNCERTAIN] * (level != "good")
     larger = evaluation_verdict(errors, uncertainty, FitRecord(), (8000, 6000))
     assert larger.level == ("good" if sigma < 2 else "bad")
+
+
+def test_the_page_of_figures_states_the_limits_of_the_verdict() -> None:
+    page = Path(__file__).parents[3] / "docs" / "expectations.md"
+    rows = [line.split(" | ") for line in page.read_text(encoding="utf-8").splitlines()]
+    stated = {
+        row[0].strip("| "): [float(re.findall(r"[0-9.]+", cell)[0]) for cell in row[1:]
+                             if re.search(r"[0-9]", cell)]
+        for row in rows
+        if len(row) == 4
+    }  # fmt: skip
+    assert stated["held-out RMS"] == [*judging._ERROR_PX]
+    assert stated["coverage"] == [100 * limit for limit in judging.COVERAGE]
+    assert stated["uncertainty, median over the field"] == [*judging._MEDIAN_UNCERTAINTY_PX]
+    assert stated["uncertainty, 95 % of the field"] == [judging.GOAL_PX]
+    assert stated["outliers"] == [100 * limit for limit in judging._DROPPED_SHARE]

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -20,8 +21,10 @@ from terminals import Screen, on_terminal, unstyled, visible, widest
 
 from cubicfish.judge import CameraFacts, ErrorStatistics, FitRecord, PhotoRecord
 from cubicfish.judge.fit_record import DroppedCorner
+from cubicfish_cli.terminal import progress
 from cubicfish_cli.terminal.figures import PhotoRow, fitted_rows, print_photo_table
 from cubicfish_cli.terminal.parameters import SIZE
+from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import (
     print_json,
     print_table,
@@ -127,6 +130,46 @@ def test_progress_names_the_stage_and_leaves_nothing_behind(tmp_path: Path) -> N
         "photo corners floor left right rms px median 95 % largest verdict"
     )
     assert "\nverdict: good\n" in ended.stdout
+
+
+@pytest.mark.slow
+def test_the_verdict_is_the_last_thing_on_a_small_screen(tmp_path: Path) -> None:
+    args = [
+        "calibrate",
+        CORNERS,
+        "-t",
+        TARGET,
+        "-o",
+        tmp_path / "c",
+        "--no-hold-out",
+        "--no-report",
+    ]
+    ended = on_terminal(*args, "--no-report", columns=80)
+    last = unstyled(ended.screen).splitlines()[-23:]
+    assert all(len(line) <= 80 or str(tmp_path) in line for line in last)
+    assert sum("px where corners were" in line for line in last) == 1
+    (verdict,) = [number for number, line in enumerate(last) if line.startswith("verdict: ")]
+    assert len(last) - verdict < 12
+    assert [line for line in last if line.startswith("Next: ")] == [
+        f"Next: cubicfish advise {tmp_path / 'c'}"
+    ]
+
+
+def test_long_work_says_what_it_does_in_a_file_too(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "EVERY_SECONDS", 0.02)
+    said = ""
+    with click.Context(click.Command("detect")), How().run() as run:
+        run.listener.progress("Looking for corners", 3, 10)
+        deadline = time.monotonic() + 10
+        while said.count("\n") < 2 and time.monotonic() < deadline:
+            time.sleep(0.02)
+            said += capfd.readouterr().err
+        run.listener.progress("Fitting")
+    lines = said.splitlines()
+    assert len(lines) >= 2
+    assert all(re.fullmatch(r"Looking for corners: 3/10, \d+ s", line) for line in lines)
 
 
 @pytest.mark.slow
