@@ -457,7 +457,7 @@ def _print_calibration(made: CalibratedFiles, target: Path | None) -> None:
     print_wrote(made.files.values())
     result(f"\n{first}")
     figures.print_verdict(judged, alone=True)
-    if judged.level == "care" and made.advice is not None:
+    if judged.level == "care" and any(reason.asks_for_photos for reason in judged.reasons):
         result(f"advice: {made.advice}")
     if fit.lift == "point":
         print_next(f"cubicfish project POINTS --model {everything}")

@@ -76,13 +76,13 @@ def print_verdict(judged: Verdict, *, alone: bool = False) -> None:
         alone: whether the figures of a good one stand elsewhere.
 
     """
-    from cubicfish_cli.words.camera import verdict_line
     from cubicfish_cli.words.sentences import render
 
-    line = judged.words if alone and not judged.reasons else verdict_line(judged)
-    result(f"verdict: {line}", mark=(judged.words, judged.level))
-    for reason in map(render, judged.reasons[1:]):
-        result(f"  also: {reason.why}; {reason.do}")
+    first, *others = [f"{one.why}; {one.do}" for one in map(render, judged.reasons)] or [""]
+    line = first or ("" if alone else judged.figures)
+    result(f"verdict: {judged.words}{f': {line}' * bool(line)}", mark=(judged.words, judged.level))
+    for other in others:
+        result(f"  also: {other}")
 
 
 def print_report(made: ReportFiles, how: How) -> None:
