@@ -47,5 +47,7 @@ def summary(known: CameraFacts, pairs: Observations) -> str | None:
     if reasons[0].code == Code.NOT_TRUSTED:
         return f"fix this first: {render(reasons[0].figures['reason']).do}"
     where = "; ".join(gap_words(gaps)[:_PARTS])
+    if known.fit.marked is not None:
+        return f"mark points at: {where}" if where else "mark more points"
     next_ones = f"show the target next at: {where}" if where else "take more photos"
     return f"{next_ones} ('cubicfish advise' says from where)"
