@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import click
-
 from cubicfish import Run, UsageError, did_you_mean, quoted
 from cubicfish.files import StrPath
 from cubicfish_cli.core_table import CALIBRATION_FILES, MAPS
@@ -69,7 +67,7 @@ class LensOptions:
     """
 
     to: str | None = option(
-        "--to FORMAT", "What to write: a name of the list above.", click.Choice(list(FORMATS))
+        "--to FORMAT", "What to write: a name of the list above.", parameters.Choice(list(FORMATS))
     )
     output: StrPath | None = parameters.output_option(
         "Where it goes. [default: the camera's title or folder and the format, in the current "
