@@ -327,14 +327,14 @@ class _View:
             Angles from the axis (N,), radians; unit rays (N, 3) from the place; pixels (N, 2).
 
         """
-        rays, pixel = _sample_field(self.camera, count // len(self.seen), max_angle_deg)
-        theta = angle_from_axis(rays)
+        rays, pixel = _sample_field(self.camera, count, max_angle_deg)
         if self.middle.distance < np.inf:
-            seen = np.concatenate([one.project(rays) for one in self.seen])
-            good = np.isfinite(seen[:, 0])
-            times = (len(self.seen), 1)
-            return np.tile(theta, times[0])[good], np.tile(rays, times)[good], seen[good]
-        return theta, rays, pixel
+            each = [np.arange(first, len(rays), len(self.seen)) for first in range(len(self.seen))]
+            seen = [one.project(rays[own]) for one, own in zip(self.seen, each, strict=True)]
+            rays, pixel = rays[np.concatenate(each)], np.concatenate(seen)
+            good = np.isfinite(pixel[:, 0])
+            rays, pixel = rays[good], pixel[good]
+        return angle_from_axis(rays), rays, pixel
 
 
 def _central_place(camera: CubicCamera) -> float:

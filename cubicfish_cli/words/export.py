@@ -164,7 +164,8 @@ def too_far(
             f"misses the camera by up to {error.max_px:.2f} px (RMS {error.rms_px:.2f} px up to "
             f"{error.max_angle_deg:.0f}°), more than {bound}"
         )
-    return f"the lens of {name} {what}: {', '.join(ways)}, or take another format: {others}"
+    ways.append("take another format")
+    return f"the lens of {name} {what}: {' or '.join(ways)}: {others}"
 
 
 def round_up(value: float) -> str:
