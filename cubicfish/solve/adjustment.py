@@ -35,6 +35,8 @@ _ROUNDING = 1e-13
 _IMMATERIAL = 1e-8
 # A step that should have been shorter than the first share has overshot; the least that is taken.
 _OVERSHOT, _SHORTEST = 0.7, 0.25
+# The last steps are those that are expected to lower the cost by no more than this share.
+_LAST = 1e-2
 # Least damping of poses that went astray.
 _FIRM = 1.0
 COLD_DAMPING = 1e-4
@@ -252,11 +254,11 @@ def adjust(
             new = _try_again(now, new, damping, pose_damping)
         if new.cost < now.cost:
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
-            # Where the cost bends more than its equations say, steps lead from one side of a valley
-            # to the other: the next goes as far as this one should have gone.
+            # Where the cost bends more than its equations say, the last steps lead from one side of
+            # a valley to the other: the next goes as far as this one should have gone.
             bend = 2 * reach * gain - decrease
-            wanted = reach**2 * gain / bend if bend > 0 else 1.0
-            reach = float(np.clip(wanted, _SHORTEST, 1)) if wanted < _OVERSHOT else 1.0
+            wanted = reach**2 * gain / bend if gain < _LAST and bend > 0 else 1.0
+            reach = max(wanted, _SHORTEST) if wanted < _OVERSHOT else 1.0
             now = new
             damping = max(damping / 10, 1e-14)
             pose_damping *= 0.1
