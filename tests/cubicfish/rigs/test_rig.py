@@ -476,8 +476,9 @@ def test_shots_that_fit_no_rig_are_refused() -> None:
     shuffled = dict(zip(names, np.roll(np.arange(len(names)), 3).tolist(), strict=True))
     shots = matched(pairs)
     wrong = Shots(names=shots.names, photos=(shots.photos[0], shuffled))
-    with pytest.raises(FitError, match="do not fit one rig"):
+    with pytest.raises(FitError, match="do not fit one rig") as refused:
         fitted(pairs, wrong)
+    assert refused.value.what.count("shot_") == 3
 
 
 def free_radial(values: np.ndarray) -> FreeLens[RadialCamera]:
