@@ -58,7 +58,7 @@ def test_parts_of_boards_are_not_another_object():
     photos = [(report((6, number), Decided.SLIDE),) for number in (3, 4, 5, 6)]
     (said,) = nothing_named(grid_evidence(identified(*photos), LARGE))
     assert (said.code, said.figures["why"]) == (Code.NOTHING_NAMED, Code.SLIDES)
-    assert "take photos that show two boards, or a board with its ends" in render(said).do
+    assert "take photos that show two boards, or the ends of a board" in render(said).do
 
 
 def test_boards_alike_are_wanted_together():

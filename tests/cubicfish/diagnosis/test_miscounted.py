@@ -169,9 +169,8 @@ def test_what_is_said():
     assert (finding.code, finding.severity, finding.boards) == ("corner_count", "care", ("floor",))
     assert render(finding).line == (
         "board floor: the target says 10x6 inner corners, 8 of 10 photos show 9x6 (no photo shows "
-        "more); correct the counts of corners "
-        "in target.yaml (or of --board) and run it again (origin too, if it was of a corner that "
-        "is not there), unless something covers the rest in all photos"
+        "more); correct the corner counts in target.yaml (or --board) and run again (origin too, "
+        "if it was that of a missing corner), unless something covers the rest in all photos"
     )
     assert in_words([], THREE, 10) == []
 

@@ -81,7 +81,7 @@ def test_all_photos_mirrored(grids):
     finding = reported(mirrored(grids, range(5)))
     assert (finding.code, finding.severity, finding.images) == ("mirrored", "bad", ())
     assert render(finding).what == "all photos are mirrored"
-    assert "and 100 % with that put right" in render(finding).evidence
+    assert "100 % once corrected" in render(finding).evidence
 
 
 @pytest.mark.slow
@@ -113,12 +113,12 @@ def test_a_photo_of_something_else_is_not_put_down_to_a_mirror(grids):
         (
             changed(1, y_axis=-TARGET.boards[1].y_axis),
             "board_order",
-            "board left: y_axis points the other way round",
+            "board left: y_axis points the wrong way",
         ),
         (
             changed(0, square=25 / 25.4),
             "board_square",
-            "board floor: its square is 25.4 times too small: inches for millimetres",
+            "board floor: its square is too small by a factor of 25.4: inches and millimetres",
         ),
     ],
 )
@@ -127,7 +127,7 @@ def test_one_board_drawn_wrongly_is_named(grids, target, cause, what):
     assert finding.code == cause
     assert render(finding).what.startswith(what)
     assert finding.boards == (what[6:].partition(":")[0],)
-    assert render(finding).do == "correct target.yaml and run it again"
+    assert render(finding).do == "correct target.yaml and run again"
 
 
 @pytest.fixture
