@@ -127,7 +127,7 @@ class CalibrateOptions:
         "--lift",
         "What the cubics are functions of: the viewing ray, as most commands need it, or the 3D "
         "point itself, as the paper has it, which holds only where the corners were.",
-        click.Choice(["ray", "point"]),
+        parameters.Choice(["ray", "point"]),
         "ray",
     )
     most: int | None = option(

@@ -238,7 +238,7 @@ def test_pages_are_the_same_bytes_again_and_are_not_replaced(run: Run, tmp_path:
         (["--object", "box", "--corners", "9x6"], 2, "take --object board"),
         (["--object", "board", "--dictionary", "DICT_4X4_50"], 2, "add --type charuco"),
         (["--object", "board", "--corners", "9"], 2, "such as 9x6"),
-        (["--object", "block"], 2, "'corner', 'box', 'board'"),
+        (["--object", "block"], 2, "known: corner, box, board"),
         (["--object", "board", "--paper", "A44"], 1, "did you mean 'A4'"),
         (["--object", "board", "--margin", "wide"], 1, "write it like 30mm"),
         (["--object", "board", "--square", "1km"], 1, "write it like 30mm"),
@@ -270,9 +270,9 @@ def test_points_are_not_printed_and_unknown_units_refused(run: Run, tmp_path: Pa
     path.write_text(f"units: mm\nboards:\n{dots}")
     said = run("target", "print", path, "-o", tmp_path / "dots", code=1).stderr
     assert "lists of points only, which have no print" in said
-    path.write_text(f"units: cubit\nboards:\n{board}")
+    path.write_text(f"units: squares\nboards:\n{board}")
     said = run("target", "print", path, "-o", tmp_path / "cubits", code=1).stderr
-    assert "units 'cubit' cannot be printed" in said
+    assert "units 'squares' cannot be printed" in said
 
 
 @pytest.mark.slow
