@@ -84,13 +84,13 @@ def test_a_good_fit_is_good() -> None:
         (
             {"rms_px": 0.25, "held_out_rms_px": 0.3, "companion_held_out_rms_px": 0.25},
             "care",
-            "a plain radial lens is nearer",
+            "a plain radial lens does better",
             "the rim",
         ),
         (
             {"rms_px": 0.05, "held_out_rms_px": 0.052, "companion_held_out_rms_px": 0.05},
             "care",
-            "a plain radial lens is nearer",
+            "a plain radial lens does better",
             "the rim",
         ),
         ({"flat": True, "images": 7}, "care", "7 photos of one flat board are too few", "ten"),
@@ -205,7 +205,7 @@ def test_a_field_that_is_a_small_part_of_the_photo_is_reported() -> None:
     middle = np.array([[500.0, 300], [700, 300], [700, 500], [500, 500]])
     said = judged(GOOD, SIZE, middle)
     assert said.level == "care"
-    assert "over only 4 % of the photo" in render(said.reasons[0]).why
+    assert "only 4 % of the photo" in render(said.reasons[0]).why
     whole = np.array([[0.0, 0], [1279, 0], [1279, 799], [0, 799]])
     assert judged(GOOD, SIZE, whole).level == "good"
 

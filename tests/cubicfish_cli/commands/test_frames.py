@@ -195,7 +195,7 @@ def test_a_note_to_turn_the_film_is_reported_and_not_followed(
     said = run("frames", film, "-o", tmp_path / "p", "-j", 1, "--json")
     (record,) = json.loads(said.stdout)["films"]
     assert abs(record["turned_deg"]) == turn
-    assert "phone.mp4 tells players to turn it by" in said.stderr
+    assert "phone.mp4 has a rotation flag of" in said.stderr
     for path in (tmp_path / "p").glob("*.png"):
         assert cv2.imread(str(path)).shape == (SIZE[1], SIZE[0], 3)
 

@@ -60,7 +60,7 @@ def test_a_camera_from_elsewhere_is_not_accused(run: Run, calibrated: Path, tmp_
     run("export", calibrated, "--to", "kalibr-pinhole-equi", "--max-error", "5", "-o", other)
     run("import", other, "-o", camera)
     said = run("report", camera, "-o", page)
-    assert "verdict: usable with care: its accuracy is not known" in said.stdout
+    assert "verdict: usable with care: accuracy is not known" in said.stdout
     text = page.read_text(encoding="utf-8")
     assert "not to be trusted" not in text.lower()
     assert "written 2" in text
