@@ -327,7 +327,7 @@ def test_the_best_of_many_photos_are_taken(
     out = tmp_path / "calibration"
     args = ("calibrate", folder, "-t", target, "-o", out, "--most", 6, "-j", 1)
     said = run(*args).stderr
-    assert "6 photos of 32 chosen" in said
+    assert "Chose the 6 most useful of 32 photos" in said
     assert "6 photos: as many as were asked for" in said
     assert load_camera(out / "camera.yaml").made_by["chosen"].startswith("6 photos: ")
     from cubicfish import Target, load_corners

@@ -324,7 +324,8 @@ def test_the_templates_go_along_with_the_package() -> None:
 @pytest.mark.usefixtures("with_report", "quick_fit")
 def test_the_page_begins_with_the_title_and_the_camera_in_a_line(run: Run, tmp_path: Path) -> None:
     line = ("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o", tmp_path / "c")
-    said = run(*line, "--title", "front <left>").stdout.splitlines()[0]
+    headline, lens, *_ = run(*line, "--title", "front <left>").stdout.splitlines()
     page = (tmp_path / "c" / "report.html").read_text()
     assert "<h1>front &lt;left&gt;</h1>" in page
-    assert f'<p class="sub">{said.removeprefix("front <left>: ")}</p>' in page
+    assert f'<p class="sub">{headline.rpartition(": ")[0]}</p>' in page
+    assert f'<p class="sub">{lens.removeprefix("front <left>: ")}</p>' in page
