@@ -50,8 +50,8 @@ def _times(rms_px: float, held_out_px: float) -> str:
 
 def _of_what(conversion: Conversion, units: str | None) -> str:
     if conversion.distance is None:
-        return " of distant things"
-    return f" of things about {length_words(conversion.distance, units or '')} away"
+        return " for distant things"
+    return f" for things about {length_words(conversion.distance, units or '')} away"
 
 
 def comparison_rows(
@@ -61,7 +61,7 @@ def comparison_rows(
     units: str | None,
 ) -> tuple[tuple[str, ...], ...]:
     """Return a table of what each format loses: its titles, then a row a format, the best first."""
-    titles = ("format", "loses px", "of held out", "largest px", "up to", "of things")
+    titles = ("format", "loses px", "× held-out", "largest px", "up to", "for things")
     *at_any, maps = exact
     rows = [
         (-1.0, (", ".join(at_any), "0", "0", "0", "", "at any distance")),
@@ -99,7 +99,7 @@ def note_lines(
         f"{error.max_angle_deg:.1f} degrees from the axis{of_what}"
     ]
     if far is not None:
-        lines.append(f"of distant things, which --distance far is for: {_write_px(vars(far))}")
+        lines.append(f"for distant things (--distance far): {_write_px(vars(far))}")
     farthest = error.max_angle_deg
     if error.beyond is not None:
         farthest = error.beyond["to_deg"]

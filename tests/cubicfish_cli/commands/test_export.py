@@ -587,7 +587,7 @@ def test_the_first_line_says_the_cost(run: Run, judged: Path, tmp_path: Path) ->
     path = tmp_path / "a.txt"
     lines = run("export", judged, "--to", "colmap", "-o", path).stdout.splitlines()
     said = re.fullmatch(
-        r"loses (0\.\d{3}) px of distant things, ([\d.]+) times this camera's held-out error "
+        r"loses (0\.\d{3}) px for distant things, ([\d.]+) times this camera's held-out error "
         r"\(0\.040 px\), up to \d+°; colmap-rad-tan-thin-prism-fisheye loses (0\.\d{3}) px; "
         r"(.*) lose nothing",
         lines[0],
@@ -602,7 +602,7 @@ def test_the_first_line_says_the_cost(run: Run, judged: Path, tmp_path: Path) ->
     # What a format that loses least says names no other.
     path = tmp_path / "b.txt"
     best = run("export", judged, "--to", "colmap-rad-tan-thin-prism-fisheye", "-o", path).stdout
-    assert f"loses {said[3]} px of distant things" in best
+    assert f"loses {said[3]} px for distant things" in best
     assert "colmap" not in best.splitlines()[0]
 
 
@@ -622,7 +622,7 @@ def test_programs_that_look_at_boards_get_the_lens_for_boards(
     assert made["far"]["distance"] is None
     assert made["own"]["distant"]["rms_px"] > 1.2 * made["far"]["rms_px"]
     assert 0 < made["own"]["place"][2] < 4
-    assert "of things about 30 cm away" in run(
+    assert "for things about 30 cm away" in run(
         "export", judged, "--to", "opencv", "-o", tmp_path / "b.yaml"
     ).stdout.splitlines()[0]  # fmt: skip
     args = ("export", judged, "--to", "opencv", "-o", tmp_path / "c.yaml", "--distance")
