@@ -153,12 +153,11 @@ def estimate_noise(image: npt.NDArray[np.generic]) -> float:
         return 0.0
     every = max(1, int(np.sqrt(image.size / _NOISE_SAMPLES)))
     height, width = image.shape
-    above, own, below = (
-        np.asarray(image[first : height - 2 + first : every], np.float32) for first in range(3)
-    )
-    down = above - 2 * own + below
-    left, middle, right = (down[:, first : width - 2 + first : every] for first in range(3))
-    filtered = left - 2 * middle + right
+    filtered = np.zeros(image[1 : height - 1 : every, 1 : width - 1 : every].shape, np.float32)
+    for y, down in enumerate((1, -2, 1)):
+        for x, across in enumerate((1, -2, 1)):
+            part = image[y : height - 2 + y : every, x : width - 2 + x : every]
+            filtered += np.float32(down * across) * np.asarray(part, np.float32)
     sampled = np.abs(filtered)
     counted = sampled[sampled > 0]
     if counted.size < 0.05 * sampled.size:
