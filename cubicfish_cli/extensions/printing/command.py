@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import click
-
 from cubicfish import Event, Run, UsageError
 from cubicfish.files import Content, StrPath
 from cubicfish_cli import __version__
@@ -19,7 +17,7 @@ from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import COUNTS, as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_message, print_table, result
-from cubicfish_cli.words.phrases import plural
+from cubicfish_cli.words.phrases import plural, shell_line
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.printing.layout import Page
@@ -60,7 +58,7 @@ class PrintOptions:
         "--object",
         "Make a target: a corner (floor and two walls, seen from inside), an open box of five "
         "boards seen from inside, or one flat board.",
-        click.Choice(_OBJECTS),
+        parameters.Choice(_OBJECTS),
     )
     paper: str = option(
         "--paper SIZE",
@@ -69,7 +67,7 @@ class PrintOptions:
         default="A4",
     )
     board_type: Literal["checkerboard", "charuco", "aprilgrid"] | None = option(
-        "--type", "Of a target's boards. [default: checkerboard]", click.Choice(_TYPES)
+        "--type", "Of a target's boards. [default: checkerboard]", parameters.Choice(_TYPES)
     )
     square: str | None = option(
         "--square LENGTH",
@@ -236,7 +234,5 @@ def command(made: PrintedFiles, given: PrintOptions, how: How) -> None:
         "page', and check the printed rulers with a real one."
     )
     if "target" in outputs:
-        print_message(
-            "Take photos that fill the picture to the rim, then: cubicfish calibrate photos/ "
-            f"--target {outputs['target']}"
-        )
+        then = shell_line("cubicfish", "calibrate", "photos/", "--target", outputs["target"])
+        print_message(f"Take photos that fill the picture to the rim, then: {then}")
