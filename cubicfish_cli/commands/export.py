@@ -184,7 +184,7 @@ def export_files(options: ExportOptions, *, run: Run = Run()) -> ExportedFiles:
 
 @as_command(
     "export",
-    "Write the camera for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
+    "Export the camera to OpenCV, ROS, Kalibr, COLMAP and others.",
     "cubicfish export --to opencv --max-angle 89",
     "cubicfish export --to kalibr-omni -o camchain.yaml",
     "cubicfish export --to mrcal -m lens_a/camera.yaml",
