@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish.diagnosis import (
+    anew,
     corner_count,
     left_out,
     markers,
@@ -18,6 +19,7 @@ from cubicfish.diagnosis import (
     object_faults,
     photo_lenses,
     repeats,
+    saved_otherwise,
     two_lenses,
     wrong_nominal,
 )
@@ -69,11 +71,13 @@ def _has_corners(evidence: GridEvidence | MarkerEvidence, found: Sequence[Findin
     return _has_only_notes(evidence, found) and len(evidence.corners.pixel) > 0
 
 
+_BY_LENS = ("by_lens", "or_turned")
 _LENSES = (Code.TURNED, Code.SCALED, Code.ZOOM, Code.SHIFTED, Code.TWO_LENSES)
 
 
 def _has_one_lens(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
-    return _is_named(evidence, found) and all(one.code not in _LENSES for one in found)
+    of_lenses = [one for one in found if one.code in _LENSES or one.case in _BY_LENS]
+    return _is_named(evidence, found) and not of_lenses
 
 
 def _is_counted(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
@@ -106,8 +110,10 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     Hypothesis(PhotoEvidence, corner_count.many_lost, _has_corners),
     # About a fit.
     Hypothesis(FitEvidence, mirrored.handed),
-    Hypothesis(FitEvidence, two_lenses.find_two_lenses, _is_named),
+    Hypothesis(FitEvidence, saved_otherwise.saved_otherwise, _is_named),
+    Hypothesis(FitEvidence, two_lenses.find_two_lenses, _has_one_lens),
     Hypothesis(FitEvidence, photo_lenses.odd_photos, _has_one_lens),
+    Hypothesis(FitEvidence, anew.changes_anew, _has_one_lens),
     Hypothesis(FitEvidence, wrong_nominal.find_wrong_nominal, _is_not_bad),
     Hypothesis(FitEvidence, left_out.left_out, _is_named),
     Hypothesis(FitEvidence, corner_count.squares_of_corners, _is_counted),

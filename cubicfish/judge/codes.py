@@ -211,8 +211,12 @@ _REMEDIES: Mapping[Remedy, tuple[str | tuple[str, str], ...]] = {
         Code.NO_VIEW,
         Code.BY_CONVENTION,
         Code.CLOCKS_DIFFER,
+        (Code.BENT, "wavy"),
     ),
     Remedy.TAKE_AGAIN: (
+        (Code.BENT, "anew"),
+        (Code.ZOOM, "anew"),
+        (Code.SHIFTED, "anew"),
         Code.MANY_UNFIT,
         Code.TOO_FEW_CORNERS,
         Code.NOISY,
@@ -233,7 +237,7 @@ _REMEDIES: Mapping[Remedy, tuple[str | tuple[str, str], ...]] = {
         (Code.FITS_NOWHERE, "odd"),
         (Code.NO_PLANE, "odd"),
     ),
-    Remedy.HOLD_STILL: (Code.NOT_AT_ONCE,),
+    Remedy.HOLD_STILL: (Code.NOT_AT_ONCE, (Code.PHOTO_LENS, "anew")),
 }
 _REMEDY_OF = {what: remedy for remedy, own in _REMEDIES.items() for what in own}
 

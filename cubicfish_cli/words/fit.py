@@ -215,6 +215,15 @@ def _bent(board: str, size: float, units: str) -> Said:
     return Said(what, do=f"check that it is flat, measure its place again, {CORRECT}")
 
 
+@WORDS.finding(Code.BENT, "wavy")
+def _wavy(board: str, size: float, units: str, aside: float) -> Said:
+    return Said(
+        f"board {board} is wavy: its corners are {size:.2g} {units} (RMS) out of the plane",
+        f"and {aside:.2g} {units} off within it, as prints are",
+        "the camera allows for it as long as the board stays so; glue it to a flat plate",
+    )
+
+
 @WORDS.finding(Code.STRETCHED)
 def _stretched(board: str, percent: float) -> Said:
     what = f"board {board} seems stretched by {percent:.1f} %, {_UNEXPLAINED}"
@@ -230,8 +239,8 @@ def _moved(board: str, size: float, units: str, turn_deg: float) -> Said:
 @WORDS.finding(Code.CORNERS_OFF)
 def _corners_off(board: str, size: float, units: str) -> Said:
     return Said(
-        f"the corners of board {board} seem to be off by {size:.3g} {units}, more than print or "
-        "plate explains",
+        f"the corners of board {board} seem to be off by {size:.3g} {units} within its plane, more "
+        "than a print explains",
         do="check with 'cubicfish detect --draw' that they are found and named right, or measure "
         f"the target again, {CORRECT}",
     )

@@ -375,6 +375,13 @@ def _mirrored_some(images: Names) -> Said:
     return Said(what, "the other photos show the same boards from the other side", _AS_MADE)
 
 
+@WORDS.finding(Code.MIRRORED, "by_lens", "or_turned")
+def _mirrored_by_lens(case: str, images: Names) -> Said:
+    how = "mirrored" if case == "by_lens" else "mirrored, or turned by 180°"
+    what = f"{listed(images, 'photos')} {pick(images, 'is', 'are')} {how}: the lens's centre is on"
+    return Said(f"{what} the other side of the middle", do=_AS_MADE)
+
+
 @WORDS.finding(Code.MIRRORED, "some_grids")
 def _mirrored_some_grids(images: Names) -> Said:
     return Said(f"{listed(images, 'photos')} {pick(images, 'is', 'are')} mirrored", do=_AS_MADE)
@@ -491,6 +498,38 @@ def _photo_lens(images: Names, size_px: float, share: float, worst: str) -> Said
         f"this explains {whole(share)} of the squared error of {pick(images, 'it', worst)}",
         f"leave {pick(images, 'this photo', 'these photos')} out, and look at what was different",
     )
+
+
+_ANEW: Mapping[str, tuple[str, str]] = {
+    Code.BENT: (
+        "the board bends anew in every photo",
+        "glue it to a flat plate (glass, aluminium), and take the photos again",
+    ),
+    Code.PHOTO_LENS: (
+        "camera or target moves while photos are taken (motion, with a rolling shutter)",
+        "hold both still for each photo; of a film, use frames in which nothing moves, not more of "
+        "them",
+    ),
+    Code.ZOOM: (
+        "the focal length is another in every photo (autofocus)",
+        "switch autofocus off, and take the photos again",
+    ),
+    Code.SHIFTED: (
+        "the lens's centre is another in every photo (image stabilisation)",
+        "switch stabilisation off, and take the photos again",
+    ),
+}
+
+
+@WORDS.finding(Code.BENT, "anew")
+@WORDS.finding(Code.PHOTO_LENS, "anew")
+@WORDS.finding(Code.ZOOM, "anew")
+@WORDS.finding(Code.SHIFTED, "anew")
+def _anew(code: str, images: Names, size_px: float, worst_px: float, share: float) -> Said:
+    what, do = _ANEW[code]
+    moves = f"this moves corners by {size_px:.2f} px (RMS), and by up to {worst_px:.2f} px in"
+    explains = f"this explains {whole(share)} of the squared error"
+    return Said(f"{what}: {moves} {listed(images, 'photos')}", explains, do)
 
 
 @WORDS.finding(Code.PHOTO_LENS, "left_out")

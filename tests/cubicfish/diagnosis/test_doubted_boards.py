@@ -1,5 +1,6 @@
 """What a target was fitted to be, and no paper, plate or wall is."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,6 +12,7 @@ from cubicfish.diagnosis.wrong_nominal import doubted_boards
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.fit_record import Departure
+from cubicfish.target.boards.shape import BoardShape
 from cubicfish_cli.words.sentences import render
 
 TARGET = synthetic.corner_of_three()
@@ -20,9 +22,16 @@ NOMINAL = {
 }  # fmt: skip
 
 
-def doubts(**departs: Any) -> list[Finding]:
+def doubts(offset: Any = (0.0, 0.0, 0.0), **departs: Any) -> list[Finding]:
+    """What is said of a board with such departures, all of whose corners have such an offset."""
     departure = Departure(board="left", **{**NOMINAL, **departs})
-    seen: Any = SimpleNamespace(target=TARGET, departures=[departure])
+    index = TARGET.board_names.index("left")
+    board = TARGET.boards[index]
+    shape = BoardShape.none(board.columns, board.rows)
+    shape = replace(shape, offsets=shape.offsets + offset)
+    refined = TARGET.with_boards({index: replace(board, shape=shape)})
+    fit = SimpleNamespace(world=None, nominal=SimpleNamespace(refined=lambda world: refined))
+    seen: Any = SimpleNamespace(target=TARGET, departures=[departure], fit=fit)
     return doubted_boards(seen)
 
 
@@ -34,7 +43,12 @@ def doubts(**departs: Any) -> list[Finding]:
         ({"stretch": (0.0, -0.04)}, {"stretch": (0.01, 0.01)}, Code.STRETCHED, "by -4.0 %"),
         ({"shift": 30.0}, {"shift": 1.0}, Code.MOVED, "30 mm and 0.0° off its place"),
         ({"turn_deg": 3.0}, {"turn_deg": 1.0}, Code.MOVED, "0 mm and 3.0° off its place"),
-        ({"offset_rms": 2.0}, {"offset_rms": 0.1}, Code.CORNERS_OFF, "off by 2 mm"),
+        (
+            {"offset": (1.2, 1.6, 0.1)},
+            {"offset": (0.1, 0.0, 0.1)},
+            Code.CORNERS_OFF,
+            "off by 2 mm within its plane",
+        ),
     ],
 )
 def test_a_board_is_doubted_beyond_what_prints_and_plates_are(
@@ -45,6 +59,12 @@ def test_a_board_is_doubted_beyond_what_prints_and_plates_are(
     assert "board left seem" in render(found).what
     assert said in render(found).what
     assert doubts(**usual) == []
+
+
+def test_waves_are_told_as_waves_and_not_of_corners():
+    (found,) = doubts(offset=(0.06, 0.08, 0.7))
+    assert (found.code, found.case, found.severity) == (Code.BENT, "wavy", Severity.NOTE)
+    assert "0.7 mm (RMS) out of the plane (and 0.1 mm off within it" in render(found).line
 
 
 def test_what_is_put_down_to_one_fault_is_not_doubted_of_every_board() -> None:
