@@ -24,6 +24,8 @@ from cubicfish.wording import Brief, did_you_mean, quoted
 # A refined target of some ten thousand corners, each with its offset.
 MAX_BYTES = 4_000_000
 MAX_BOARDS = 256
+# How far apart boards of unknown places are taken to be, by the size of the largest.
+_APART = 10.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -115,6 +117,11 @@ class Target(Brief):
         return replace(self, boards=tuple(changed))
 
     @property
+    def unplaced(self) -> tuple[str, ...]:
+        """Names of the boards of which nobody knows where they are."""
+        return tuple(board.name for board in self.boards if board.unplaced)
+
+    @property
     def has_markers(self) -> bool:
         """Whether any board carries markers."""
         return any(board.markers is not None for board in self.boards)
@@ -198,9 +205,27 @@ def _make_target(where: str, data: object) -> Target:
             )
         names.add(board.name)
         boards.append(board)
+    boards = _laid_out(boards)
     _refuse_overlaps(where, boards)
     target = Target(units=units, boards=tuple(boards))
     return target.in_mirror() if mirrored else target
+
+
+def _laid_out(boards: Sequence[Board]) -> list[Board]:
+    """Boards of unknown places beside each other, far from the others.
+
+    Where no place is known, the first board is the world's plane z = 0.
+    """
+    placed = [board for board in boards if not board.unplaced]
+    if not placed:
+        placed, boards = [replace(boards[0], unplaced=False)], [*boards]
+        boards[0] = placed[0]
+    sizes = [float(np.abs(board.outline()).max()) for board in boards]
+    step = _APART * max(max(sizes), 1.0)
+    return [
+        replace(board, origin=np.array([step * number, 0.0, 0.0])) if board.unplaced else board
+        for number, board in enumerate(boards, start=1)
+    ]
 
 
 def _convert_array(value: object) -> Any:

@@ -57,6 +57,8 @@ if TYPE_CHECKING:
     from cubicfish_cli.observe import Inputs
 
 _LONGEST_TITLE = 100
+# The case of a finding: boards' places were measured, which the target's file did not know.
+_PLACED = "found"
 
 # Only a calibration makes them, for its own camera. A corners.csv may be the user's own.
 _ITS_OWN = ("map", "target")
@@ -78,6 +80,7 @@ class CalibrateOptions:
         lift: the argument of the cubics: the viewing ray, or the 3D point itself.
         most: calibrate from at most so many photos or frames, those that add most; None means 60
             frames of films, and all photos.
+        exclude: photos that are left out, by their names or by patterns.
         report: also write report.html, if the extra ``report`` is installed.
 
     Raises:
@@ -127,6 +130,7 @@ class CalibrateOptions:
         f"photos, and of films {MOST} frames]",
         click.IntRange(min=1),
     )
+    exclude: StrPath | Sequence[StrPath] = parameters.exclude_option
     report: bool = parameters.report_option
 
     @cached_property
@@ -288,11 +292,19 @@ def _observe(options: CalibrateOptions, run: Run) -> Inputs:
     """Find or read the corners, or the points."""
     from cubicfish_cli.observe import load_inputs
 
-    source, most = options.source, options.most
+    source, most, size = options.source, options.most, options.image_size
     frames = Path(options.folder) / FRAMES
     photos, chosen = photos_of(options.paths, frames, source, most, run)
-    size = options.image_size
-    observed = load_inputs(options.kind, photos, source, run, image_size=size, most=most)
+    observed = load_inputs(
+        options.kind,
+        photos,
+        source,
+        run,
+        image_size=size,
+        most=most,
+        exclude=paths_of(options.exclude),
+        unplaced=True,
+    )
     run.listener.found(observed.photo_findings)
     return replace(observed, chosen=observed.chosen or chosen)
 
@@ -352,7 +364,8 @@ def _make_contents(
         if contents["map"] is None:
             width, height = fitted.camera.image_size
             run.listener.tell(Event.NO_MAP, width=width, height=height)
-        if fitted.refined != "off" and fitted.target is not None:
+        measured = any(one.case == _PLACED for one in fitted.fit.findings)
+        if (fitted.refined != "off" or measured) and fitted.target is not None:
             contents["target"] = fitted.target.text()
     for name, (maker, _) in extension_outputs().items():
         if name in goals:
@@ -449,7 +462,7 @@ def _print_calibration(made: CalibratedFiles) -> None:
 
 
 def _print_figures(fitted: Calibration | PointCalibration) -> None:
-    from cubicfish_cli.words.camera import pupil_meaning, scope
+    from cubicfish_cli.words.camera import scope
 
     fit, more = fitted.fit, list[tuple[str, float, str]]()
     result(
@@ -463,7 +476,7 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
             ("  linear, reweighted", fit.reweighted_rms_px, "over its denominators"),
         ]
     else:
-        judged = "photos judged by cameras that never saw them"
+        judged = "photos not used in the fit"
         more.append(
             ("  radial reference", fit.radial_rms_px, "a Kannala–Brandt lens, same corners")
         )
@@ -475,10 +488,6 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
     figures.print_errors(fit, more)
     for figure in scope(fitted):
         figures.print_figure(*figure)
-    if fit.pupil is not None:
-        pupil = fit.pupil
-        meaning = pupil_meaning(pupil.rim_px, pupil.distance, pupil.units)
-        figures.print_figure("entrance pupil", figures.px(abs(pupil.rim_px)), meaning=meaning)
     if fit.lift == "point":
         meaning = "P means something on the boards only; points off them are refused"
         if fit.rank == 20:

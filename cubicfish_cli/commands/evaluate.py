@@ -34,6 +34,7 @@ class EvaluateOptions:
         target: the calibration target, or its file; 2D-3D pairs have none.
         camera: the file or folder of the camera.
         image_size: (width, height) of the photos, for tables that do not say.
+        exclude: photos that are left out, by their names or by patterns.
 
     """
 
@@ -45,6 +46,7 @@ class EvaluateOptions:
     target: TargetSource | Target | StrPath | None = target_options
     camera: StrPath = parameters.model_options
     image_size: tuple[int, int] | None = parameters.size_option
+    exclude: StrPath | Sequence[StrPath] = parameters.exclude_option
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,8 +104,9 @@ def evaluate_files(options: EvaluateOptions, *, run: Run = Run()) -> EvaluatedFi
     from cubicfish_cli.observe import load_inputs
 
     file = load_camera(in_folder(Path(options.camera)))
-    size = file.camera.image_size
-    loaded = load_inputs(kind, paths, source, run, image_size=options.image_size or size)
+    size = options.image_size or file.camera.image_size
+    exclude = paths_of(options.exclude)
+    loaded = load_inputs(kind, paths, source, run, image_size=size, exclude=exclude)
     run.listener.progress("Fitting poses")
     evaluation = evaluate(file.camera, loaded.pairs)
     fit = _match_target(file, loaded, source)

@@ -256,7 +256,7 @@ def _make_views(
 
 @as_command(
     "undistort",
-    "Make pictures of photos and videos in which straight lines are straight.",
+    "Undistort photos and videos.",
     "cubicfish undistort photo.png flat.png",
     "cubicfish undistort photos/ flat/ --hfov 90 --size 1920x1080",
     "cubicfish undistort photo.png left.png --rotate -60,0,0 --hfov 80",

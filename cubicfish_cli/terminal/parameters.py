@@ -377,8 +377,8 @@ def common_options(command: Command) -> Command:
             words, help, expose_value=False, is_eager=True, callback=_make_callback(key, value)
         ).make(to)
         for key, value, words, to, help in (
-            (VERBOSITY_KEY, 1, "-v --verbose", "verbose", "Say more."),
-            (VERBOSITY_KEY, -1, "-q --quiet", "quiet", "Say nothing but results and errors."),
+            (VERBOSITY_KEY, 1, "-v --verbose", "verbose", "Verbose output."),
+            (VERBOSITY_KEY, -1, "-q --quiet", "quiet", "Print only results and errors."),
             (DEBUG_KEY, True, "--debug", "debug", "Show the traceback of an error."),
         )
     ]
@@ -573,6 +573,13 @@ def output_option(
     kind = FILE if folder is None else FOLDER if folder else OUTPUT
     return option(f"-o --output {words}", help, kind, default, **more)
 
+
+exclude_option = option(
+    "--exclude PHOTO",
+    "Leave this photo out, or those of a pattern such as 'blurred_*'; may be repeated.",
+    FILE,
+    multiple=True,
+)
 
 json_option = option("--json", "Print one JSON object to stdout, and nothing else.")
 

@@ -13,6 +13,9 @@ COVERED = "of the field covered by corners"
 """The whole of which a coverage is a share, wherever it is printed. The field is where the camera
 may be trusted and does not see itself, in squares of an eighth of the photo's shorter side."""
 
+# A smaller effect of the moving entrance pupil is not worth a line.
+_PUPIL_MATTERS_PX = 0.5
+
 
 def lens_rows(known: CameraFacts) -> list[tuple[str, str]]:
     """Return the figures of the lens that are known, a name and a text each."""
@@ -28,10 +31,9 @@ def lens_rows(known: CameraFacts) -> list[tuple[str, str]]:
             f"{seen.diagonal:.1f}° diagonal"
         )
         rows.append(("field of view", words))
-    if known.fit.pupil is not None:
-        pupil = known.fit.pupil
-        meaning = pupil_meaning(pupil.rim_px, pupil.distance, pupil.units)
-        rows.append(("entrance pupil", f"{abs(pupil.rim_px):.3f} px: {meaning}"))
+    pupil = known.fit.pupil
+    if pupil is not None and abs(pupil.rim_px) >= _PUPIL_MATTERS_PX:
+        rows.append(("entrance pupil", pupil_words(pupil.rim_px, pupil.distance, pupil.units)))
     return rows
 
 
@@ -61,18 +63,10 @@ def uncertainty_meaning(certain: FieldUncertainty) -> str:
     return f"1σ, median over the field; 95 % of it within {certain.p95_px:.3f} px"
 
 
-def pupil_meaning(rim_px: float, distance: float, units: str | None) -> str:
-    """Return the meaning of the effect of the moving pupil, whose size stands before it.
-
-    Args:
-        rim_px: how much farther from the axis a point is seen, pixels.
-        distance: of that point.
-        units: of the distance; None where it is not known.
-
-    """
-    away = length_words(distance, units or "")
-    way = "nearer to" if rim_px < 0 else "farther from"
-    return f"how much {way} the axis things {away} away appear at the rim than distant ones"
+def pupil_words(rim_px: float, distance: float, units: str | None) -> str:
+    """Return ``close objects (33 cm) shift outward by 2.6 px at the rim``."""
+    away, way = length_words(distance, units or ""), "inward" if rim_px < 0 else "outward"
+    return f"close objects ({away}) shift {way} by {abs(rim_px):.1f} px at the rim"
 
 
 def pictures_of(fit: FitRecord) -> str | None:

@@ -95,8 +95,7 @@ def _looking(photos: int) -> str:
 
 @WORDS.event(Event.LOOKED_AGAIN)
 def _looked_again(corners: int) -> str:
-    added = plural(corners, "corner")
-    return f"A second look, where a fitted camera expects them, added {added}."
+    return f"{plural(corners, 'more corner')} found with the fitted camera."
 
 
 @WORDS.event(Event.NOT_CERTAIN)

@@ -107,6 +107,21 @@ class Section:
             self.refuse(key, f"must be two finite numbers, [along x, along y], within ±{limit:g}")
         return np.array(value, float)
 
+    def is_unplaced(self) -> bool:
+        """Whether it says ``place: unknown``, and so no origin and no axes.
+
+        Raises:
+            TargetError: it says something else, or a place as well.
+
+        """
+        if "place" not in self.data:
+            return False
+        self.choice("place", ["unknown"], hint="unknown")
+        for key in PLACE_KEYS:
+            if key in self.data:
+                self.refuse(key, "place: unknown is said too: leave one of them out")
+        return True
+
     def place(self, *, alone: bool) -> dict[str, Any]:
         """Origin and orthonormal axes; a board that is alone lies in the world's z = 0 plane.
 
@@ -115,7 +130,9 @@ class Section:
 
         """
         own = {key: self.data[key] for key in PLACE_KEYS if self.data.get(key) is not None}
-        hint = "a target of several boards needs origin, x_axis and y_axis for each"
+        hint = (
+            "a target of several boards needs origin, x_axis and y_axis for each, or place: unknown"
+        )
         if alone:
             hint = "x_axis and y_axis go together"
             flat = {} if own.keys() & {"x_axis", "y_axis"} else _FLAT

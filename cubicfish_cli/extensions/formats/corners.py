@@ -92,7 +92,7 @@ def import_corner_files(options: CornersOptions, *, run: Run = Run()) -> Importe
 
 @as_command(
     "corners",
-    "Take over corners that another detector found.",
+    "Import corners from another detector.",
     "cubicfish corners corners.vnl --target board.yaml --size 1920x1080",
     "cubicfish corners corners.vnl --target box.yaml --size 752x480 --board floor --only 'left*'",
     do=import_corner_files,

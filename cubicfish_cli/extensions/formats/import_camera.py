@@ -39,7 +39,7 @@ class ImportOptions:
 
     Attributes:
         path: the other tool's file.
-        written_by, camera, image_size, max_angle_deg: as for :func:`import_camera`.
+        written_by, camera, image_size, lens, max_angle_deg: as for :func:`import_camera`.
         output: the camera.yaml to write.
 
     """
@@ -59,6 +59,11 @@ class ImportOptions:
     )
     image_size: Sequence[int] | None = option(
         "--size", "Size of the photos, where the file does not say.", parameters.SIZE
+    )
+    lens: str | None = option(
+        "--lens KIND",
+        "Whose four distortion coefficients are, where the file does not say: fisheye or pinhole.",
+        click.Choice(["fisheye", "pinhole"]),
     )
     max_angle_deg: float | None = option(
         "--max-angle DEG",
@@ -92,6 +97,7 @@ def import_files(options: ImportOptions, *, run: Run = Run()) -> Imported:
         written_by=options.written_by,
         camera=options.camera,
         image_size=options.image_size,
+        lens=options.lens,
         max_angle_deg=options.max_angle_deg,
     )
     made_by = {**run.made_by({}, files=[source]), **imported.made_by}
@@ -106,7 +112,7 @@ def import_files(options: ImportOptions, *, run: Run = Run()) -> Imported:
     "cubicfish import camchain.yaml --camera cam1",
     "cubicfish import calib_results.txt -o lens_a/camera.yaml --max-angle 95",
     "cubicfish import sparse/0/cameras.bin --camera 1",
-    "cubicfish import opencv.yaml --size 1280x800",
+    "cubicfish import opencv.yaml --size 1280x800 --lens fisheye",
     do=import_files,
     how=("overwrite", "as_json"),
     help=_HELP,

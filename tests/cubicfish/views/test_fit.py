@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from asymmetric_lens import AsymmetricLens
 from lenses import cubic_camera
 from synthetic import TRUE_LENS
 
-from cubicfish import ViewError, build_map, build_view, load_camera
+from cubicfish import Calibration, ViewError, build_map, build_view
 from cubicfish.models.sphere import cone_rays
 from cubicfish.views import CentralView
 from cubicfish.views.fields import (
@@ -175,8 +174,8 @@ def test_the_seen_field_is_what_rays_say(kind, yaw):
         assert 0.5 < expected[0] / view.hfov_deg < 0.9
 
 
-def test_longitude_and_latitude_are_as_large_as_what_is_seen(calibrated: Path) -> None:
-    camera = load_camera(calibrated / "camera.yaml").camera
+def test_longitude_and_latitude_are_as_large_as_what_is_seen(fitted: Calibration) -> None:
+    camera = fitted.camera
     view = build_view(camera, "equirectangular")
     assert view.focal == pytest.approx(axis_focal(camera))
     assert kept_share(camera, view) > 0.97

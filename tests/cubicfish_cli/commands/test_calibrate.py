@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import yaml
 from pairs_csv import write_pairs
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 from saved_maps import read_map
 
 from cubicfish import OutputError, Target, load_camera, load_corners

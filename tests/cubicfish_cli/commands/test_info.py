@@ -11,7 +11,8 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 from synthetic_lenses import synthetic_lens
 
 from cubicfish import CubicCamera, build_view, load_camera

@@ -6,7 +6,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 from terminals import Screen, widest
 
 from cubicfish import Finding, Verdict

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 from cubicfish import Target, load_any_camera, load_corners
 

@@ -9,11 +9,14 @@ import cv2
 import numpy as np
 import pytest
 from looking import look_at
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 from synthetic import IMAGE_SIZE, TRUE_LENS, rays_in_cone
 
 from cubicfish import Target, aligned_difference, load_camera
 from cubicfish.find import find_grids
+from cubicfish.scene.faces import board_face
+from cubicfish.scene.photos import render
 from cubicfish.target import Board
 from cubicfish_cli.extensions.printing.command import PrintOptions
 from cubicfish_cli.extensions.printing.layout import (
@@ -24,9 +27,7 @@ from cubicfish_cli.extensions.printing.layout import (
 )
 from cubicfish_cli.extensions.printing.objects import design
 from cubicfish_cli.extensions.printing.paper import paper
-from cubicfish_cli.extensions.simulation.simulate import render
 from cubicfish_cli.render import drawing as extra
-from cubicfish_cli.render.board_faces import board_face
 from tests.cubicfish_cli.commands.test_main import CUBICFISH, heavy_modules_after
 
 pytest.importorskip("matplotlib")

@@ -14,7 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from lenses import cubic_camera
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 from terminals import Screen, on_terminal, unstyled, visible, widest
 
 from cubicfish.judge import CameraFacts, ErrorStatistics, FitRecord, PhotoRecord

@@ -11,7 +11,8 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 from saved_maps import read_map
 
 from cubicfish import load_camera

@@ -19,6 +19,7 @@ from synthetic_lenses import synthetic_lens
 from cubicfish import CameraFileError, Rig, load_camera
 from cubicfish.models.lift import lift_rotation
 from cubicfish.rigs.rig import ErrorsInRig
+from cubicfish.scene.truth import rotation_matrix
 from cubicfish_cli import (
     RigEvaluateOptions,
     RigOptions,
@@ -30,7 +31,6 @@ from cubicfish_cli import (
     save_target,
 )
 from cubicfish_cli.extensions.rigs.naming import named_by
-from cubicfish_cli.viewpoints.truth import rotation_matrix
 from cubicfish_cli.words.sentences import render
 
 
@@ -182,8 +182,8 @@ def wide(turn_deg: float, shift: float) -> np.ndarray:
 @pytest.mark.parametrize(
     ("change", "words", "level"),
     [
-        ({"in_rig": ErrorsInRig(rms_px=2.0, alone_rms_px=0.2)}, "is off by 2.00 px on", "bad"),
-        ({"in_rig": ErrorsInRig(rms_px=0.4, alone_rms_px=0.2)}, "is off by 0.40 px on", "care"),
+        ({"in_rig": ErrorsInRig(rms_px=2.0, alone_rms_px=0.2)}, "off by 2.00 px as a rig", "bad"),
+        ({"in_rig": ErrorsInRig(rms_px=0.4, alone_rms_px=0.2)}, "off by 0.40 px as a rig", "care"),
         ({"in_rig": ErrorsInRig(rms_px=0.2, alone_rms_px=0.05)}, "", "good"),
         ({"covariance": wide(0.01, 5.0)}, "right is placed on the body only to", "care"),
         ({"covariance": wide(2.0, 0.1)}, "right is placed on the body only to", "bad"),

@@ -13,9 +13,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import CorrespondenceError, FloatArray, Target
-from cubicfish.files import Table
-from cubicfish_cli.render.board_faces import Face, board_face
+from cubicfish.errors import CorrespondenceError
+from cubicfish.files.tables import Table
+from cubicfish.scene.faces import Face, board_face
+from cubicfish.target.target import Target
+from cubicfish.types import FloatArray
 
 Pose = tuple[FloatArray, FloatArray]
 """camera_from_world: rotation vector (3,) in radians, translation (3,) in the target's units."""

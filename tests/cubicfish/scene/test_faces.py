@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
+from cubicfish.scene.faces import board_face
 from cubicfish.target import Markers
 from cubicfish.target.boards.types import AprilGrid, Charuco
-from cubicfish_cli.render.board_faces import board_face
 
 
 def charuco(columns=5, rows=4, *, first="dark", dictionary="DICT_5X5_250", marker=0.75, start=0):

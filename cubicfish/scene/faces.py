@@ -6,8 +6,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import FloatArray, TargetError
-from cubicfish.target import Board, Markers
+from cubicfish.errors import TargetError
+from cubicfish.target.boards.board import Board
+from cubicfish.target.boards.markers import Markers
+from cubicfish.types import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

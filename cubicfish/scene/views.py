@@ -14,17 +14,21 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import CubicCamera, FloatArray, Target, TargetError
-from cubicfish.target import Board
-from cubicfish_cli.render.board_faces import marker_ink
-from cubicfish_cli.viewpoints.truth import (
+from cubicfish.errors import TargetError
+from cubicfish.models.cubic import CubicCamera
+from cubicfish.scene.faces import marker_ink
+from cubicfish.scene.truth import (
     AnyLens,
     Pose,
     TrueCorners,
+    camera_points,
     pose_of_matrix,
     project_corners,
     rotation_matrix,
 )
+from cubicfish.target.boards.board import Board
+from cubicfish.target.target import Target
+from cubicfish.types import FloatArray
 
 # Squares below these many pixels are hard to find, and so are markers' modules.
 _SQUARE_PX, _MODULE_PX = 10.0, 2.6
@@ -117,6 +121,10 @@ class Viewpoint:
         points = self.seen.camera[self.seen.visible]
         mean = (points / np.linalg.norm(points, axis=1, keepdims=True)).mean(axis=0)
         return mean / np.linalg.norm(mean)
+
+    def points(self, world: npt.ArrayLike) -> FloatArray:
+        """Turn world points (..., 3) into points in the camera frame (..., 3)."""
+        return camera_points(self.pose, world)
 
 
 @dataclass(frozen=True, kw_only=True)

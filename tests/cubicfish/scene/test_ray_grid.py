@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic import corner_of_three, lens_of_size, plain_background, poses_around
 
-from cubicfish_cli.extensions.simulation.simulate import RayGrid, render
+from cubicfish.scene.photos import RayGrid, render
 
 LENS = lens_of_size(0.5)
 SIZE = LENS.image_size

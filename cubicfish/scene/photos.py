@@ -6,29 +6,25 @@ grey levels.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import radians
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import CorrespondenceError, FloatArray, Target, TargetError, quoted
-from cubicfish.models import angle_from_axis
-from cubicfish_cli.viewpoints.truth import Pose, load_poses, nearest, plates, rotation_matrix
-from cubicfish_cli.viewpoints.views import WanderingPupil, WholeLens, choose_views, sample_views
-
-if TYPE_CHECKING:
-    from cubicfish_cli.extensions.simulation.command import LookOptions
+from cubicfish.angles import angle_from_axis
+from cubicfish.errors import TargetError
+from cubicfish.scene.truth import Pose, nearest, plates, rotation_matrix
+from cubicfish.scene.views import WholeLens, choose_views, sample_views
+from cubicfish.target.target import Target
+from cubicfish.types import FloatArray
 
 # Rays to 1e-7: a thousandth of a pixel of a lens with 10,000 pixels per radian, in half the memory.
 FloatArray32 = npt.NDArray[np.float32]
 
 _PIXELS_PER_BLOCK = 200_000
-_QUALITY = 95
 _SUPERSAMPLE = 4
 # So many views to choose from for each photo, and at least so many in all.
 _VIEWS_PER_PHOTO, _FEWEST_VIEWS, _MOST_VIEWS = 15, 120, 1500
@@ -108,71 +104,29 @@ def chosen_poses(
         raise TargetError(
             f"only {len(views)} poses were found from which this camera sees a whole board with "
             f"squares large enough to be found, and {count} are wanted: use boards with fewer and "
-            "larger squares, a camera with more pixels or a wider field, or name poses with --poses"
+            "larger squares, a camera with more pixels or a wider field, or poses of your own"
         )
     return [view.pose for view in choose_views(views, lens, image_size, count)]
 
 
-def poses_of_table(path: Path, form: str) -> dict[str, Pose]:
-    """Read the poses of a table, by the photos' file names.
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """The sensor of simulated photos.
 
-    Raises:
-        CorrespondenceError: a row names no file of its own, or the table cannot be used.
-
-    """
-    named: dict[str, Pose] = {}
-    for name, pose in load_poses(path).items():
-        own = Path(name).stem + f".{form}"
-        if Path(name).name != name or own in named or own.startswith("."):
-            raise CorrespondenceError(
-                f"{path}: {quoted(name)} cannot be the name of a photo here: give each row a file "
-                "name of its own, without folders"
-            )
-        named[own] = pose
-    return named
-
-
-def simulated_photos(
-    target: Target,
-    lens: WholeLens,
-    image_size: tuple[int, int],
-    poses: Mapping[str, Pose],
-    look: LookOptions,
-) -> Iterator[tuple[str, npt.NDArray[np.uint8]]]:
-    """Render the photos one by one: name and (height, width) grey levels.
-
-    The lens's rays are worked out once for all photos. Boards are rendered flat.
-
-    Raises:
-        TargetError: a board of a kind that cannot be drawn.
+    Attributes:
+        noise: standard deviation of the sensor's noise, grey levels of 255.
+        blur: standard deviation of the lens's blur, pixels.
+        vignetting: share of the light that is lost 90° from the axis.
+        exposure: 1 is a well-lit photo, 0.2 a dark one, and above 1.15 white paper bleeds.
+        seed: of the noise.
 
     """
-    rays = RayGrid.of(lens.unproject, image_size)
-    flat = target.with_flat_boards()
-    for number, (name, pose) in enumerate(poses.items()):
-        yield (
-            name,
-            render(
-                flat,
-                rays,
-                pose,
-                image_size,
-                noise=look.noise,
-                blur=look.blur,
-                vignetting=look.vignetting,
-                exposure=look.exposure,
-                light_from=rotation_matrix(pose[0]).T @ LAMP,
-                seed=(look.seed, number),
-                ray_starts=lens.ray_starts if isinstance(lens, WanderingPupil) else None,
-            ),
-        )
 
-
-def photo_bytes(photo: npt.NDArray[np.uint8], form: str) -> bytes:
-    """Encode a photo as a JPEG file of quality 95 (``jpg``) or a PNG file (``png``)."""
-    options = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY] if form == "jpg" else []
-    _, data = cv2.imencode(f".{form}", photo, options)
-    return data.tobytes()
+    noise: float = 2.0
+    blur: float = 0.7
+    vignetting: float = 0.4
+    exposure: float = 1.0
+    seed: int = 0
 
 
 _WHITE_LEVEL = 240.0  # of light 1 at exposure 1
@@ -279,7 +233,7 @@ def render(
         blur: standard deviation of the lens's blur, pixels.
         vignetting: share of the light that is lost at 90° from the axis.
         exposure: 1 is a well-lit photo, 0.2 a dark one; above 1.15 paper is burnt out and bleeds
-            into dark squares, see :func:`cubicfish_cli.extensions.simulation.simulate.bloomed`.
+            into dark squares, see :func:`cubicfish.scene.photos.bloomed`.
         light_from: (3,) unit world direction in which the lamp is; shadows are not cast.
         background: world directions (N, 3) -> brightness (N,) where no board is.
         seed: of the noise; the same arguments give the same photo.

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 from cubicfish.io.camera_yaml import load_camera
 from cubicfish.judge.fit_record import FitRecord

@@ -18,7 +18,8 @@ import cv2
 import distant_work
 import numpy as np
 import pytest
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 import cubicfish
 from cubicfish import ClusterError, Listener, PhotoError
@@ -29,7 +30,7 @@ from cubicfish_cli.undistortion.batch import Job, write_many, write_one
 # It is loaded where it is used: that takes its time in every process that collects tests.
 pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="needs distributed")
 
-ROOT = Path(__file__).parents[4]
+ROOT = Path(__file__).parents[3]
 PATIENCE_S = 30
 
 
@@ -277,7 +278,7 @@ def test_without_workers_it_waits_so_long_and_no_longer(
 @pytest.mark.slow
 def test_a_worker_without_cubicfish_is_named(processes: Processes, tmp_path: Path) -> None:
     processes.have(0)
-    (tmp_path / "cubicfish_cli.py").write_text("raise ImportError('none here')\n")
+    (tmp_path / "cubicfish.py").write_text("raise ImportError('none here')\n")
     bare = processes.worker(path=[str(tmp_path)])
     try:
         with (

@@ -16,10 +16,10 @@ from synthetic import (
 )
 
 from cubicfish import Target, TargetError
+from cubicfish.scene.photos import chosen_poses
+from cubicfish.scene.truth import camera_points, rotation_matrix
+from cubicfish.scene.views import choose_views, sample_views, view_from
 from cubicfish.target.boards.shape import BoardShape
-from cubicfish_cli.extensions.simulation.simulate import chosen_poses
-from cubicfish_cli.viewpoints.truth import camera_points, rotation_matrix
-from cubicfish_cli.viewpoints.views import choose_views, sample_views, view_from
 
 
 def eye_of(view):

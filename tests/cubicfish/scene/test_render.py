@@ -16,9 +16,9 @@ from synthetic import (
 )
 
 from cubicfish import Target, TargetError
-from cubicfish_cli.extensions.simulation import simulate as rendering
-from cubicfish_cli.extensions.simulation.simulate import render
-from cubicfish_cli.viewpoints.truth import (
+from cubicfish.scene import photos as rendering
+from cubicfish.scene.photos import render
+from cubicfish.scene.truth import (
     camera_points,
     project_corners,
     rotation_matrix,

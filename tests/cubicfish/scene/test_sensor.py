@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cubicfish_cli.extensions.simulation.simulate import bloomed, sensed
+from cubicfish.scene.photos import bloomed, sensed
 
 HALF = 40
 FINE = 8
