@@ -120,7 +120,9 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     Hypothesis(FitEvidence, corner_count.squares_of_corners, _is_counted),
     Hypothesis(FitEvidence, left_out.dropped_boards, _has_only_notes),
     Hypothesis(FitEvidence, repeats.repeats),
+    Hypothesis(FitEvidence, saved_otherwise.reduced, _has_one_lens),
     Hypothesis(FitEvidence, wrong_nominal.doubted_boards, _may_doubt_boards),
+    Hypothesis(FitEvidence, wrong_nominal.odd_distance, _has_only_notes),
     # About corners that do not fit: the first hypothesis that explains it is the likeliest.
     Hypothesis(FailedFit, mirrored.mirrored_photos, lambda evidence, found: not found),
     Hypothesis(FailedFit, wrong_nominal.explain_failure, _is_unexplained),

@@ -1,4 +1,4 @@
-"""Photos that were saved mirrored or turned by 180°, as the lens's centre shows.
+"""Photos that were saved mirrored, turned by 180° or reduced, as the lens's centre shows.
 
 A board looks like itself in a mirror, or upside down, and its corners are named by what is seen.
 But no lens's centre is in the middle of the picture: it jumps to the other side of it, and with it
@@ -30,6 +30,9 @@ _TURNED = 3
 # A photo that is put right has no more than this share of its squared error. Lenses of all photos
 # follow, and show others: so many times at most.
 _HALF, _ROUNDS = 0.5, 5
+# A lens's centre is this near to the middle of the picture, as a share of its longer side; one that
+# is farther off than so many times that has another reason.
+_NEAR, _FAR = 0.01, 2.0
 
 
 def saved_otherwise(evidence: FitEvidence) -> list[Finding]:
@@ -40,6 +43,24 @@ def saved_otherwise(evidence: FitEvidence) -> list[Finding]:
         if found := _find_otherwise(one, evidence.pairs):
             return found
     return []
+
+
+def reduced(evidence: FitEvidence) -> list[Finding]:
+    """Find that all that is seen lies in a smaller picture, whose middle is the lens's centre."""
+    reference = evidence.fit.reference
+    size, camera = np.array(evidence.pairs.image_size), reference.camera
+    middle, centre = (size - 1) / 2, np.array([camera.cx, camera.cy])
+    near = _NEAR * size.max()
+    if (middle - centre < _FAR * near).any() or (centre <= 0).any():
+        return []
+    share = float(np.sqrt(np.prod(centre / middle)))
+    is_middle = np.abs(centre - middle * share).max() < near
+    if not is_middle or (evidence.pairs.pixel.max(axis=0) > size * share + 2 * near).any():
+        return []
+    (width, height), (x, y) = np.rint(size * share).astype(int).tolist(), centre.tolist()
+    figures = {"width": width, "height": height, "x_px": x, "y_px": y}
+    figures |= {"given_width": int(size[0]), "given_height": int(size[1])}
+    return [Finding(code=Code.OTHER_SIZE, case="reduced", severity=Severity.CARE, figures=figures)]
 
 
 def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:

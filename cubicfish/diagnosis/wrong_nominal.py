@@ -25,6 +25,7 @@ from cubicfish.target.boards.board import Board
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
 from cubicfish.types import FloatArray, IntArray
+from cubicfish.units import MILLIMETRES
 
 _FEWEST_CORNERS = 12
 _FEWEST_LINES = 3
@@ -53,6 +54,8 @@ _MOST_TURN_DEG = 2.0
 _MOST_OFFSET_SHARE = 0.02
 # A sheet on a plate is flat to a thousandth, and bends as a whole by some thousandths.
 _MOST_WAVES_SHARE = 0.003
+# Nobody holds a target nearer to a lens or, with a print that one carries, so far away.
+_NEAREST_MM, _FARTHEST_MM = 2.0, 2000.0
 
 
 def measured_object(pairs: Observations, target: Target) -> dict[int, FloatArray]:
@@ -230,6 +233,22 @@ def doubted_boards(evidence: FitEvidence) -> list[Finding]:
             if is_odd
         ]
     return found
+
+
+def odd_distance(evidence: FitEvidence) -> list[Finding]:
+    """Ask whether squares have their size, where the camera was too near or too far for a lens."""
+    target, fit = evidence.target, evidence.fit
+    unit = MILLIMETRES.get(target.units.lower()) if target else None
+    if target is None or unit is None:
+        return []
+    pairs = fit.reference.pairs
+    away = np.linalg.norm(fit.poses.apply(pairs.image, pairs.world), axis=1)
+    distance = float(np.median(away)) * fit.nominal.scale * unit
+    if _NEAREST_MM < distance < _FARTHEST_MM:
+        return []
+    square = max(board.square or 0.0 for board in target.boards)
+    figures = {"distance_mm": distance, "square": square, "units": target.units}
+    return [Finding(code=Code.BOARD_SQUARE, case="distance", figures=figures)]
 
 
 def _find_half_diagonal(board: Board) -> float:

@@ -159,6 +159,7 @@ _REMEDIES: Mapping[Remedy, tuple[str | tuple[str, str], ...]] = {
         Code.SCALED,
         Code.TURNED,
         (Code.OTHER_SIZE, "turned"),
+        (Code.OTHER_SIZE, "reduced"),
         (Code.NO_PHOTO, "none_usable"),
         (Code.NO_PHOTO, "several"),
         Code.SHOT_MISMATCHED,

@@ -297,6 +297,16 @@ def _board_square_grids(
     return Said(what, do=_RERUN)
 
 
+@WORDS.finding(Code.BOARD_SQUARE, "distance")
+def _board_square_distance(distance_mm: float, square: float, units: str) -> Said:
+    away = f"{distance_mm:.2g} mm" if distance_mm < 1000 else f"{distance_mm / 1000:.2g} m"
+    size = f"a square of {square:g} {units}" if square else f"a target in {units}"
+    return Said(
+        f"with {size} the camera was {away} away (median): is that size right?",
+        do="the lens does not depend on it, but all distances do; give it with its unit",
+    )
+
+
 @WORDS.finding(Code.BOARD_SQUARE, "spacing")
 def _board_square_spacing(board: str, gaps: int, spacing: float, drawn_spacing: float) -> Said:
     return Said(
@@ -414,6 +424,18 @@ def _mirrored_by_lens(case: str, images: Names) -> Said:
     how = "mirrored" if case == "by_lens" else "mirrored, or turned by 180°"
     what = f"{listed(images, 'photos')} {pick(images, 'is', 'are')} {how}: the lens's centre is on"
     return Said(f"{what} the other side of the middle", do=_AS_MADE)
+
+
+@WORDS.finding(Code.OTHER_SIZE, "reduced")
+def _reduced(
+    width: int, height: int, given_width: int, given_height: int, x_px: float, y_px: float
+) -> Said:
+    return Said(
+        f"all corners lie in the upper left of {given_width}x{given_height} pixels, and so does "
+        f"the lens's centre, at ({x_px:.0f}, {y_px:.0f}): were the photos reduced?",
+        f"they would be in a picture of about {width}x{height}",
+        "give the size of the photos in which the corners were found",
+    )
 
 
 @WORDS.finding(Code.MIRRORED, "some_grids")

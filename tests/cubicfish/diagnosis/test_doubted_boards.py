@@ -4,15 +4,18 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import synthetic
 
 from cubicfish.diagnosis.diagnose import HYPOTHESES
-from cubicfish.diagnosis.wrong_nominal import doubted_boards
+from cubicfish.diagnosis.wrong_nominal import doubted_boards, odd_distance
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.fit_record import Departure
+from cubicfish.solve.poses import Poses
 from cubicfish.target.boards.shape import BoardShape
+from cubicfish.target.target import Target
 from cubicfish_cli.words.sentences import render
 
 TARGET = synthetic.corner_of_three()
@@ -73,3 +76,25 @@ def test_what_is_put_down_to_one_fault_is_not_doubted_of_every_board() -> None:
     assert own.applies(None, [note])
     assert not own.applies(None, [note, place])
     assert not own.applies(None, [zoom])
+
+
+@pytest.mark.parametrize(
+    ("square", "units", "asked"),
+    [
+        (0.025, "mm", "0.33 mm away"),
+        (0.025, "m", None),
+        (25.0, "mm", None),
+        (250.0, "mm", "3.3 m away"),
+        (25.0, "squares", None),
+    ],
+)
+def test_a_square_that_puts_the_camera_out_of_reach_is_asked_for(square, units, asked):
+    target = Target(units=units, boards=(synthetic.checkerboard("board", 9, 6, square),))
+    board, *_, world = target.corners()
+    far = Poses(rotation=np.eye(3)[None], translation=np.array([[0.0, 0.0, 12.0]]))
+    # In a unit in which a square is 1.
+    seen = SimpleNamespace(pairs=SimpleNamespace(image=0 * board, world=world / square))
+    fit = SimpleNamespace(reference=seen, poses=far, nominal=SimpleNamespace(scale=square))
+    evidence: Any = SimpleNamespace(target=target, fit=fit)
+    said = [render(one).what for one in odd_distance(evidence)]
+    assert [asked in what for what in said] == ([] if asked is None else [True])
