@@ -42,28 +42,25 @@ def changes_anew(evidence: FitEvidence) -> list[Finding]:
     photos, triangles, numbers = own_triangles(fit.lens, fit.poses, pairs, _bend_points(fit))
     if len(photos) < FEWEST_COMPARED:
         return []
-    total = np.sum(triangles[:, :, -1] ** 2, axis=1)
     explained = []
-    for _, terms in _CAUSES:
+    for code, terms in _CAUSES:
         free, miss = triangles[:, :, :-1][:, :, terms], triangles[:, :, -1:]
         # What all photos share is the lens's, or the target's.
         shared = np.linalg.lstsq(np.concatenate(free), np.concatenate(miss), rcond=_RCOND)[0]
         own, size, _ = np.linalg.svd(free, full_matrices=False)
         shown = size > _RCOND * size.max(axis=1, keepdims=True)
-        part = np.square(own.transpose(0, 2, 1) @ (miss - free @ shared))[:, :, 0] * shown
-        rest = np.square(miss - free @ shared).sum() - part.sum()
-        ranks = float(shown.sum())
-        strength = part.sum() / ranks / (rest / (numbers.sum() - ranks) + 1e-300)
-        explained.append((float(strength), part.sum(axis=1)))
-    (second, _), (first, best) = sorted(explained, key=lambda one: one[0])[-2:]
-    share = float(best.sum() / total.sum())
+        differ = miss - free @ shared
+        part = np.square(own.transpose(0, 2, 1) @ differ)[:, :, 0] * shown
+        share, ranks = float(part.sum() / np.square(differ).sum()), max(float(shown.sum()), 1.0)
+        strength = share / ranks / ((1 - share) / (numbers.sum() - ranks) + 1e-300)
+        explained.append((strength, share, code, part.sum(axis=1)))
+    (second, *_), (first, share, code, best) = sorted(explained, key=lambda one: one[0])[-2:]
     # By all corners alike: those that are off weigh less in the fit.
     errors = [rms_px(fit.residual[pairs.image == photo]) for photo in photos]
-    own_px = np.array(errors) * np.sqrt(best / total)
-    size_px = rms_px(fit.errors) * np.sqrt(share)
+    own_px = np.array(errors) * np.sqrt(best / np.sum(triangles[:, :, -1] ** 2, axis=1))
+    size_px = float(np.sqrt(np.average(own_px**2, weights=numbers)))
     if share < _MOST or first < _TIMES * second or size_px < limit:
         return []
-    code = _CAUSES[[one[0] for one in explained].index(first)][0]
     worst = np.argsort(-own_px, kind="stable")
     return [
         Finding(
@@ -71,7 +68,7 @@ def changes_anew(evidence: FitEvidence) -> list[Finding]:
             case="anew",
             severity=Severity.CARE,
             images=tuple(np.array(pairs.images)[photos[worst[own_px[worst] > limit]]].tolist()),
-            figures={"size_px": float(size_px), "worst_px": float(own_px.max()), "share": share},
+            figures={"size_px": size_px, "worst_px": float(own_px.max()), "share": share},
         )
     ]
 
@@ -80,7 +77,7 @@ def _bend_points(fit: CameraFit) -> FloatArray:
     """(N, 3, B) how bends and twists of the boards, three of each, move the points of the pairs."""
     pairs, nominal = fit.reference.pairs, fit.nominal
     boards = nominal.target.boards if nominal.target else ()
-    moved = np.zeros((len(pairs.pixel), 3, _BENDS * len(boards)))
+    moved = np.zeros((len(pairs.pixel), 3, _BENDS * max(len(boards), 1)))
     for index, board in enumerate(boards):
         own = np.flatnonzero(pairs.board == index)
         if board.points is None:

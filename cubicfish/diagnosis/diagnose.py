@@ -80,6 +80,10 @@ def _has_one_lens(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
     return _is_named(evidence, found) and not of_lenses
 
 
+def _has_odd_photos(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
+    return _has_one_lens(evidence, found) and all(one.case != "anew" for one in found)
+
+
 def _is_counted(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
     return _is_named(evidence, found) and all(one.code != Code.CORNER_COUNT for one in found)
 
@@ -113,8 +117,8 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     Hypothesis(FitEvidence, mirrored.handed),
     Hypothesis(FitEvidence, saved_otherwise.saved_otherwise, _is_named),
     Hypothesis(FitEvidence, two_lenses.find_two_lenses, _has_one_lens),
-    Hypothesis(FitEvidence, photo_lenses.odd_photos, _has_one_lens),
     Hypothesis(FitEvidence, anew.changes_anew, _has_one_lens),
+    Hypothesis(FitEvidence, photo_lenses.odd_photos, _has_odd_photos),
     Hypothesis(FitEvidence, wrong_nominal.find_wrong_nominal, _is_not_bad),
     Hypothesis(FitEvidence, left_out.left_out, _is_named),
     Hypothesis(FitEvidence, corner_count.squares_of_corners, _is_counted),

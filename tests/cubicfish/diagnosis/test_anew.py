@@ -6,6 +6,7 @@ import wrong_setups as wrong
 
 from cubicfish.calibration import calibrate
 from cubicfish.judge.codes import Code, Remedy
+from cubicfish.target.observations import Observations
 
 
 @pytest.mark.parametrize(
@@ -33,3 +34,13 @@ def test_a_board_that_stays_bent_is_not_bent_anew():
     made = calibrate(setup.corners, setup.target, refine_target="off", hold_out=False)
     assert made.fit.rms_px > 0.5
     assert not [one for one in made.findings if one.case == "anew"]
+
+
+def test_points_without_a_board_do_not_bend():
+    setup = wrong.moves_all_the_while(np.random.default_rng(2))
+    pairs = setup.corners.with_target(setup.target)
+    photos = [pairs.image == photo for photo in range(len(pairs.images))]
+    world, pixel = ([array[own] for own in photos] for array in (pairs.world, pairs.pixel))
+    points = Observations.from_points(world, pixel, pairs.image_size)
+    (found,) = calibrate(points, hold_out=False).findings
+    assert (found.code, found.case) == (Code.PHOTO_LENS, "anew")
