@@ -15,6 +15,7 @@ COLMAP's cameras                       16 MB                       200 MB    10
 .cameramodel                           64 MB, 500,000 values       1 GB      15
 tables: corners, pairs, poses          100 MB, 16 million values   1.5 GB    20
 corners.vnl                            200 MB, 5 million lines     2 GB      20
+calib_data.mat, PhotonVision's         100 MB, 2 million values    1 GB      20
 points, pixels                         100 MB                      1 GB      60
 photos, each of those under way        2 GB, 200 million pixels    7 GB      15
 =====================================  ==========================  ========  =======

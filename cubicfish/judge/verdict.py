@@ -8,7 +8,7 @@ smaller pixels, and limits grow in proportion.
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any, ClassVar
 
@@ -45,6 +45,8 @@ _RIM_UNCERTAINTY_PX = 2 * CERTAIN_PX
 _DROPPED_SHARE = (0.05, 0.2)
 _REJECTED_SHARE = (1 / 3, 1 / 2)
 _FEW_CORNERS = 200
+FEWEST_OF_A_CUBIC = 30
+"""Fewer corners say nothing of a lens's asymmetry: they are fitted by a radial lens alone."""
 FEW_PHOTOS = 3
 # Fewest photos of one flat board that determine a lens well, and fewest that determine it at all.
 FEW_OF_A_PLANE = (8, 4)
@@ -54,6 +56,19 @@ _RIM_ERROR = ((2.5, _RIGHT_PX), (math.inf, math.inf))
 _EXTRAPOLATED_DEG = 15.0
 # Findings that do not explain errors.
 _NO_ERRORS = (Code.REPEATS, Code.ONE_PLACE)
+# What is said in other words of points that people marked.
+_OF_POINTS = (
+    Code.LARGE_ERRORS,
+    Code.FEW_CORNERS,
+    Code.NOT_HELD_OUT,
+    Code.OVERFITTED,
+    Code.UNCERTAIN,
+    Code.LOW_COVERAGE,
+    Code.EXTRAPOLATED,
+    Code.MANY_OUTLIERS,
+)
+# Points may be off by so many times what they are said to be.
+_BEYOND_MARKED = 2.0
 # The coverage of the rim is stated beside that of the whole if it is less than this.
 _WHOLE_RIM = 0.9
 _UNKNOWN = "no figures are known"
@@ -112,6 +127,8 @@ def verdict(
     causes = [one for one in blamed if one.code not in _NO_ERRORS]
     others = [one for one in blamed if one.code in _NO_ERRORS]
     others += _apply_rules(fit, image_size, outline, scale)
+    if fit.marked is not None:  # who marked points has no boards, and no file that says where
+        others = [replace(one, case="points") if one.code in _OF_POINTS else one for one in others]
     reasons = (*sorted(causes, key=_is_mild), *sorted(others, key=_is_mild))
     return Verdict(level=level_of(reasons), figures=_state_fit(fit), reasons=reasons)
 
@@ -160,7 +177,7 @@ def evaluation_verdict(
 def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[Verdict]:
     """The verdict on each photo: its errors, by themselves and beside those of the others."""
     photos = fit.per_image
-    most = _ERROR_PX[1] * of_size(image_size)
+    most = _most_px(fit, of_size(image_size))
     errors = [photo.rms_px for photo in photos]
     typical = median([error for error in errors if math.isfinite(error)] or [0.0])
     lost = Counter(corner.image for corner in fit.dropped_corners)
@@ -174,7 +191,7 @@ def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[Verdict]
         unknown = math.isnan(error) and photo.corners > 0
         own += _report(Severity.NOTE if unknown else None, Code.NO_ERROR)
         own += _report(Severity.CARE if out else None, Code.OUTLIERS, dropped=out)
-        few = photo.corners < _FEW_CORNERS_IN_PHOTO
+        few = photo.corners < _FEW_CORNERS_IN_PHOTO and fit.marked is None
         own += _report(Severity.CARE if few else None, Code.FEW_CORNERS, "photo")
         verdicts.append(Verdict(level=level_of(own), reasons=tuple(own)))
     return verdicts
@@ -224,7 +241,7 @@ def _apply_rules(
     elif math.isnan(error):
         yield from _report(Severity.BAD, Code.NO_FIGURES)
     else:
-        level = _rate(error / scale, _ERROR_PX)
+        level = _rate(error, (_most_px(of, scale),) * 2)
         yield from _report(level, Code.LARGE_ERRORS, error_px=error)
     case = "few" if 0 < photos < FEW_PHOTOS else ""
     level = _care_if(math.isnan(held_out) and not of.says_nothing)
@@ -268,7 +285,14 @@ def _apply_rules(
     if outline is not None and len(outline) > 2:
         seen = _measure_area(outline) / (image_size[0] * image_size[1])
     yield from _report(_care_if(seen < _SEEN_SHARE), Code.SMALL_FIELD, share=seen)
-    yield from _report(_care_if(0 < used < _FEW_CORNERS), Code.FEW_CORNERS, corners=used)
+    enough = _FEW_CORNERS if of.marked is None else FEWEST_OF_A_CUBIC
+    yield from _report(_care_if(0 < used < enough), Code.FEW_CORNERS, corners=used)
+
+
+def _most_px(of: FitRecord, scale: float) -> float:
+    """The error from which on something is wrong: of marked points, as exact as they are."""
+    usual = 0.0 if of.marked is None else of.marked.usual_px
+    return max(_ERROR_PX[1] * scale, _BEYOND_MARKED * usual)
 
 
 def _care_if(odd: bool) -> Severity | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -47,7 +46,7 @@ from cubicfish_cli.terminal.terminal import (
     print_wrote,
     result,
 )
-from cubicfish_cli.words.phrases import counted, plural
+from cubicfish_cli.words.phrases import counted, plural, shell_line
 from cubicfish_cli.words.sentences import render, with_texts
 
 if TYPE_CHECKING:
@@ -73,6 +72,7 @@ class CalibrateOptions:
         target: the calibration target, or its file; 2D-3D pairs have none.
         correspondences: a table of 2D-3D pairs in the place of ``inputs``.
         image_size: (width, height) of the photos, for tables that do not say.
+        noise: standard deviation of the points of 2D-3D pairs along x and along y, pixels.
         folder: where camera.yaml and what goes with it is written.
         title: what the camera is called.
         refine_target: as in :func:`calibrate`; by default ``auto``.
@@ -100,6 +100,12 @@ class CalibrateOptions:
         parameters.FILE,
     )
     image_size: tuple[int, int] | None = parameters.size_option
+    noise: float | None = option(
+        "--noise PX",
+        "How exact the points of 2D-3D pairs are: one standard deviation along x and along y. "
+        "Errors that this explains do not count against the camera.",
+        parameters.FloatRange(min=0, min_open=True),
+    )
     folder: StrPath = parameters.output_option(
         "Where camera.yaml, undistort_map.npz, corners.csv and report.html go.",
         default="calibration",
@@ -246,6 +252,9 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = Run()) -> Calibrate
     nominal = observed.nominal(options.source)
     fitted, observed = _fit(observed, options, run)
     made_by = _explain_origin(observed, nominal, goals, options, run)
+    if fitted.fit.marked is not None and options.noise is not None:
+        marked = replace(fitted.fit.marked, noise_px=options.noise)
+        fitted = replace(fitted, fit=replace(fitted.fit, marked=marked))
     fitted = replace(fitted, fit=with_texts(fitted.fit), made_by=made_by)
     contents = _make_contents(fitted, observed, goals, nominal, run)
     run.listener.progress("Writing")
@@ -267,6 +276,8 @@ def _plan(options: CalibrateOptions, run: Run) -> tuple[Plan, dict[str, Path]]:
     check_inputs(kind, inputs, options.source, run, image_size=options.image_size)
     if kind == "points" and options.refine_target is not None:
         raise UsageError("--refine-target does not go with 2D-3D pairs, which have no target")
+    if kind != "points" and options.noise is not None:
+        raise UsageError("--noise is of 2D-3D pairs: corners show by themselves how exact they are")
     if kind != "photos" and options.most is not None:
         raise UsageError("--most goes with photos and films, not with CSV files")
     run.date()  # an unusable date is an error before the work, not after
@@ -316,7 +327,8 @@ def _fit(
     uncertain = set(observed.pairs.image[~observed.pairs.certain].tolist())
     if options.refine_target in (None, "auto") and uncertain:
         run.listener.tell(Event.NOT_CERTAIN, photos=len(uncertain))
-    run.listener.tell(Event.FITTING, corners=len(observed.pairs.pixel))
+    points = options.kind == "points"
+    run.listener.tell(Event.FITTING, corners=len(observed.pairs.pixel), points=points)
     if options.lift == "point":
         from cubicfish.fit import calibrate_points
 
@@ -423,7 +435,7 @@ def _report_missing_page(files: Mapping[str, Path], *, wanted: bool) -> None:
     if old.exists():
         print_message(f"note: {old} is of an earlier calibration")
     if wanted and extra.missing(extra.REPORT):
-        report = f"cubicfish report {shlex.quote(str(old.parent))}"
+        report = shell_line("cubicfish", "report", old.parent)
         print_message(f"No {PAGE} was written: {extra.INSTALL}, then {report!r}, makes it.")
 
 
@@ -454,7 +466,8 @@ def _print_calibration(made: CalibratedFiles) -> None:
     _print_object(fit)
     print_wrote(made.files.values())
     if fit.lift == "point":
-        print_next(f"cubicfish project POINTS --model {everything}")
+        camera = made.files["camera"]
+        print_next(shell_line("cubicfish", "project", "POINTS", "--model", camera))
         return
     used = {Path(name).name for name in fitted.pairs.images}
     photo = next((photo for photo in made.inputs.photos if photo.name in used), None)
@@ -466,7 +479,8 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
 
     fit, more = fitted.fit, list[tuple[str, float, str]]()
     result(
-        f"{counted(fitted.pairs.images)}, {plural(fit.corners, 'corner')} used, "
+        f"{counted(fitted.pairs.images)}, "
+        f"{plural(fit.corners, 'point' if fit.marked else 'corner')} used, "
         f"{plural(fit.dropped, 'outlier')}{' (-v lists them)' * bool(fit.dropped_corners)}\n"
     )
     if fit.lift == "point":
@@ -531,16 +545,15 @@ def print_next_steps(
     if judged.level == "bad":
         lines.append(render(judged.reasons[0]).do)
         if judged.reasons[0].asks_for_photos:
-            lines.append(f"cubicfish advise{_name_folder(camera)}")
+            lines.append(shell_line("cubicfish", "advise", *_name_folder(camera)))
     else:
-        name = "PHOTO" if photo is None else shlex.quote(str(photo))
         flat = f"flat{photo.suffix.lower()}" if photo is not None else "flat.png"
-        option = f" --model{_name_folder(camera)}" if camera != DEFAULT_MODEL else ""
-        lines.append(f"cubicfish undistort {name} {flat}{option}")
+        option = ("--model", *_name_folder(camera)) if camera != DEFAULT_MODEL else ()
+        lines.append(shell_line("cubicfish", "undistort", photo or "PHOTO", flat, *option))
     if report is not None:
-        lines.append(f"open {shlex.quote(str(report))}")
+        lines.append(shell_line("open", report))
     print_next(*lines)
 
 
-def _name_folder(camera: Path) -> str:
-    return "" if camera == DEFAULT_MODEL else f" {shlex.quote(str(camera.parent))}"
+def _name_folder(camera: Path) -> list[Path]:
+    return [] if camera == DEFAULT_MODEL else [camera.parent]

@@ -6,7 +6,6 @@ import functools
 import math
 import os
 import re
-import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,6 +20,7 @@ from click.core import ParameterSource
 from cubicfish import CameraFileError, CubicfishError, UsageError, quoted
 from cubicfish.arguments import refuse_misfit
 from cubicfish_cli.inputs.paths import in_folder
+from cubicfish_cli.words.phrases import shell_line
 
 if TYPE_CHECKING:
     from cubicfish_cli.inputs.target_source import TargetSource
@@ -402,7 +402,7 @@ def command_line() -> str:
             words += map(str, value if isinstance(value, tuple) else [value])
         elif _makes_the_camera(context, parameter):
             words += _written_option(parameter, value)
-    return shlex.join(words)
+    return shell_line(*words)
 
 
 def _makes_the_camera(context: click.Context, parameter: click.Parameter) -> bool:

@@ -108,8 +108,8 @@ def _not_certain(photos: int) -> str:
 
 
 @WORDS.event(Event.FITTING)
-def _fitting(corners: int) -> str:
-    return f"Fitting to {plural(corners, 'corner')}."
+def _fitting(corners: int, points: bool = False) -> str:
+    return f"Fitting to {plural(corners, 'point' if points else 'corner')}."
 
 
 @WORDS.event(Event.NO_MAP)

@@ -48,5 +48,7 @@ def summary(known: CameraFacts, pairs: Observations) -> str | None:
         return f"fix this first: {render(reasons[0].figures['reason']).do}"
     what = render(reasons[0]).what
     where = "; ".join(gap_words(gaps)[:_PARTS])
+    if known.fit.marked is not None:
+        return f"mark points at: {where}" if where else f"mark more points: {what}"
     next_ones = f"show the target next at: {where}" if where else f"more photos: {what}"
     return f"{next_ones} ('cubicfish advise' says from where)"

@@ -83,15 +83,25 @@ def _double_values(camera: CubicCamera, name: str, to: str) -> dict[str, str]:
 
 
 def _float_values(camera: CubicCamera, name: str, to: str) -> dict[str, str]:
-    """Float numbers: P from the axis's pixel, so that few of their digits are lost."""
+    """Float numbers, of whose few digits as few as possible may be lost in differences.
+
+    So pixels count from the axis's, 1 - z from the middle of the field's stands in the place of z,
+    and of all coefficients that give the same pixels the smallest are taken, each by what its
+    monomial comes to in the field.
+    """
+    rays = cone_rays(math.radians(camera.max_angle_deg), _RAYS)
+    depth = float(1 - rays[:, 2].min()) / 2
     P = np.array(camera.P)
-    middle = camera.project([0.0, 0.0, 1.0])
-    P[:2] -= middle[:, None] * P[2]
-    P /= np.linalg.norm(P[2])
+    P[:2] -= camera.project([0.0, 0.0, 1.0])[:, None] * P[2]
+    near = np.column_stack([rays[:, :2], 1 - rays[:, 2] - depth])
+    scale = np.abs(near).max(axis=0)
+    columns = np.linalg.lstsq(lift(near / scale), lift(rays) @ P.T, rcond=None)[0]
+    columns /= np.abs(columns[:, 2]).max() * lift(scale)[:, None]
     kind, matrix = ("vec3", f"{name}_P") if to == "glsl" else ("vector", "P")
     write = "{:.8e}".format
-    rows = [f"  {kind}({', '.join(map(write, column))})" for column in P.T.tolist()]
-    return {**_values(camera, name, matrix, write), "P": ",\n".join(rows)}
+    rows = [f"  {kind}({', '.join(map(write, column))})" for column in columns.tolist()]
+    values = _values(camera, name, matrix, write)
+    return {**values, "P": ",\n".join(rows), "depth": write(depth)}
 
 
 def _values(

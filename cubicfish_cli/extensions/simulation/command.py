@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -20,7 +19,7 @@ from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, bundle, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_next, print_wrote, result
-from cubicfish_cli.words.phrases import plural
+from cubicfish_cli.words.phrases import plural, shell_line
 
 if TYPE_CHECKING:
     import numpy as np
@@ -301,5 +300,4 @@ def command(made: SimulatedFiles, given: SimulateOptions, how: How) -> None:
     photos, corners = plural(len(made.photos), "photo"), plural(made.corners, "corner")
     result(f"wrote {photos} with {corners} to {given.folder}")
     print_wrote(made.truth.values())
-    folder, target = (shlex.quote(str(path)) for path in (given.folder, given.target))
-    print_next(f"cubicfish calibrate {folder} --target {target}")
+    print_next(shell_line("cubicfish", "calibrate", given.folder, "--target", given.target))

@@ -79,6 +79,7 @@ CASES = {
             "--square": ("2in", {"board"}),
             "--correspondences": ("{pairs}", {"pairs"}),
             "--size": ("640x480", {"corners", "pairs", "point"}),
+            "--noise": ("1.5", {"pairs"}),
             "--output": ("{out}/d", FITS),
             "--title": ("left", FITS),
             "--refine-target": ("shape", FITS - {"pairs", "point"}),

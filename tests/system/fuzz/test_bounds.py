@@ -41,6 +41,10 @@ BOUNDED = {
     ".cameramodel": ("cubicfish_cli/extensions/formats/mrcal_model", "cubicfish/files/plain_yaml"),
     "tables: corners, pairs, poses": ("cubicfish/files/tables",),
     "corners.vnl": ("cubicfish_cli/extensions/formats/vnlog",),
+    "calib_data.mat, PhotonVision's": (
+        "cubicfish_cli/extensions/formats/board_tables",
+        "cubicfish_cli/foreign/file_contents",
+    ),
     "points, pixels": ("cubicfish_cli/commands/points",),
     "photos, each of those under way": ("cubicfish/photos/photos",),
 }
