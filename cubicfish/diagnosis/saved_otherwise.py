@@ -5,6 +5,7 @@ But no lens's centre is in the middle of the picture: it jumps to the other side
 whatever else is lopsided about the lens.
 """
 
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,10 +20,10 @@ from cubicfish.judge.finding import Finding
 from cubicfish.solve.adjustment import Adjustment, adjust
 from cubicfish.solve.fit_lens import FixedLens
 from cubicfish.solve.poses import Poses
-from cubicfish.solve.statistics import local_noise_px, noise_by_photo, noise_px, wide_px
+from cubicfish.solve.statistics import local_noise_px, noise_by_photo, wide_px
 from cubicfish.target.observations import Observations
 from cubicfish.target.placement import renamed
-from cubicfish.types import IntArray
+from cubicfish.types import BoolArray, FloatArray, IntArray
 
 # What becomes of a picture's x and y: as it is, left and right exchanged, top and bottom, both.
 _WAYS = np.array([[1, 1], [-1, 1], [1, -1], [-1, -1]])
@@ -91,37 +92,40 @@ def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:
         camera = refit_radial(reference, right, poses).camera
     as_saved = unlike(photo_lenses(tried[0].lens, tried[0].poses, pairs))
     put_right = unlike(photo_lenses(tried[0].lens, poses, right))
-    odd = way > 0
-    for ones, is_odd in ((as_saved, True), (put_right, False)):
-        odd &= np.isin(
-            np.arange(len(way)), [one.photo for one in ones if (one.chance < BY_CHANCE) == is_odd]
-        )
+    odd = np.zeros(len(way), bool)
+    for saved, put in zip(as_saved, put_right, strict=True):
+        odd[saved.photo] = way[saved.photo] > 0 and saved.chance < BY_CHANCE < put.chance
+    return _report(pairs.images, odd, square, reference.unfit)
+
+
+def _report(
+    images: Sequence[str], odd: BoolArray, square: FloatArray, unfit: Collection[str]
+) -> list[Finding]:
+    """Report odd photos (M,) by their squared errors (4, M) under each way of saving."""
     # Where the centre is off along one side only, a turn by 180° does the same as a mirror.
-    likely = _HALF * square < square[way, np.arange(len(way))]
+    likely = _HALF * square < square.min(axis=0)
     turned, mirrored = likely[_TURNED], likely[1:_TURNED].any(axis=0)
-    after = np.choose(way[pairs.image], [np.hypot(*one.residual.T) for one in tried])
     found = []
     for code, case, own in (
         (Code.TURNED, "", odd & ~mirrored),
         (Code.MIRRORED, "by_lens", odd & ~turned),
         (Code.MIRRORED, "or_turned", odd & turned & mirrored),
     ):
-        images, rest = (tuple(np.array(pairs.images)[one].tolist()) for one in (own, ~own))
-        # A camera that was made without them is right.
-        severity = Severity.NOTE if {*images} <= {*reference.unfit} else Severity.BAD
-        after_px = noise_px(np.stack([after[own[pairs.image]]] * 2, 1) / np.sqrt(2))
-        figures = {"after_px": after_px, "where": "in", "rest": rest}
-        if images:
-            found.append(
-                Finding(
-                    code=code,
-                    case=case,
-                    severity=severity,
-                    images=images,
-                    because="corrected",
-                    figures=figures,
-                )
+        if not own.any():
+            continue
+        names, rest = (tuple(np.array(images)[one].tolist()) for one in (own, ~own))
+        after_px = float(np.sqrt(square.min(axis=0)[own].max()))
+        found.append(
+            Finding(
+                code=code,
+                case=case,
+                # A camera that was made without them is right.
+                severity=Severity.NOTE if {*names} <= {*unfit} else Severity.BAD,
+                images=names,
+                because="corrected",
+                figures={"after_px": after_px, "where": "in", "rest": rest},
             )
+        )
     return found
 
 
