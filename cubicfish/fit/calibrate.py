@@ -32,6 +32,7 @@ from cubicfish.fit.uncertainty import Uncertainty, radial_uncertainty, uncertain
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.fit_record import DroppedCorner, FitRecord, MarkedPoints
 from cubicfish.judge.pupil import pupil_effect
+from cubicfish.judge.uncertainty import TRUSTED_PX, UncertaintyGrid, of_size
 from cubicfish.judge.verdict import FEWEST_OF_A_CUBIC
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.lift import lift
@@ -182,10 +183,11 @@ def _assess(
     covered_deg = float(np.rad2deg(angle_from_axis(points).max()))
     trusted = coverage.trusted_angle_deg(camera, covered_deg, spread.sigma_px)
     camera = replace(camera, max_angle_deg=trusted)
-    uncertainty = uncertainty_grid(spread, camera, coverage.blind_angle(points))
+    field, uncertainty = _find_certain_field(camera, coverage.blind_angle(points), spread)
     known_residual = np.where(used.error_known[:, None], fit.residual, np.nan)
-    rim = coverage.coverage_extent(camera, points, known_residual, spread.sigma_px)
+    rim = coverage.coverage_extent(field, points, known_residual, spread.sigma_px)
     camera, poses = in_references_frame(camera, fit.poses.scaled(scale), reference.covered)
+    camera = replace(camera, max_angle_deg=field.max_angle_deg)
     findings: Sequence[Finding] = ()
     if diagnose is not None:
         evidence = FitEvidence(
@@ -239,6 +241,20 @@ def _assess(
         target=refined,
         renamed=nominal.renamed,
     )
+
+
+def _find_certain_field(
+    camera: CubicCamera, blind: float, spread: PhotoSpread | Uncertainty
+) -> tuple[CubicCamera, UncertaintyGrid]:
+    """Where a camera is certain, if that is most of its field, and its uncertainty there."""
+    uncertainty = uncertainty_grid(spread, camera, blind)
+    if not uncertainty.median_px < TRUSTED_PX * of_size(camera.image_size):
+        return camera, uncertainty  # the rim alone is not to blame
+    certain = coverage.certain_angle_deg(camera, spread.sigma_px)
+    if certain == camera.max_angle_deg:
+        return camera, uncertainty
+    camera = replace(camera, max_angle_deg=certain)
+    return camera, uncertainty_grid(spread, camera, blind)
 
 
 def _refuse_another_size(pairs: Observations) -> None:

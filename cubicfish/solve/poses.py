@@ -116,9 +116,11 @@ class Poses(Brief):
 
 
 def rotation_from_vector(vector: npt.ArrayLike) -> FloatArray:
-    """Rotation vectors (M, 3), radians -> matrices (M, 3, 3)."""
-    vector = np.asarray(vector, float).reshape(-1, 3)
-    turns = np.linalg.norm(vector, axis=1)[:, None, None] / np.pi
+    """Rotation vectors (..., 3), radians -> matrices (..., 3, 3)."""
+    vector = np.asarray(vector, float)
+    if not len(vector):
+        return np.zeros((0, 3, 3))
+    turns = np.linalg.norm(vector, axis=-1)[..., None, None] / np.pi
     cross = cross_matrix(vector)
     # Rodrigues: 1 + sin a / a [v]x + (1 - cos a) / a^2 [v]x [v]x
     return np.eye(3) + np.sinc(turns) * cross + 0.5 * np.sinc(0.5 * turns) ** 2 * (cross @ cross)

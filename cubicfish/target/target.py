@@ -19,6 +19,7 @@ from cubicfish.target.boards.board import Board
 from cubicfish.target.boards.section import AXES_TOLERANCE, Section
 from cubicfish.target.boards.types import BOARD_TYPES
 from cubicfish.types import FloatArray, IntArray
+from cubicfish.units import explain_unknown
 from cubicfish.wording import Brief, did_you_mean, quoted
 
 # A refined target of some ten thousand corners, each with its offset.
@@ -190,6 +191,8 @@ def _make_target(where: str, data: object) -> Target:
     top.allow_only(("units", "boards", "mirrored"), "a target file")
     mirrored = top.flag("mirrored")
     units = top.text("units", hint="the unit of every length in it, such as mm")
+    if unknown := explain_unknown(units):
+        top.refuse("units", unknown)
     entries = top.required("boards", hint="a list of boards")
     if not isinstance(entries, list) or not entries:
         top.refuse("boards", "must be a list of at least one board, each starting with '- name:'")
@@ -198,7 +201,7 @@ def _make_target(where: str, data: object) -> Target:
     names: set[str] = set()
     boards = []
     for number, entry in enumerate(entries, start=1):
-        board = _make_board(where, number, entry, alone=len(entries) == 1)
+        board = _make_board(where, number, entry, units, alone=len(entries) == 1)
         if board.name in names:
             raise TargetError(
                 f"{where}, board {quoted(board.name)}, name: another board has it too"
@@ -235,11 +238,11 @@ def _convert_array(value: object) -> Any:
     raise TypeError(f"{quoted(value)} is something else")
 
 
-def _make_board(path: str, number: int, entry: object, *, alone: bool) -> Board:
+def _make_board(path: str, number: int, entry: object, units: str, *, alone: bool) -> Board:
     where = f"{path}, board {number}"
     if not isinstance(entry, dict):
         raise TargetError(f"{where}: must be a mapping that starts with name: and type:")
-    section = Section(where, entry)
+    section = Section(where, entry, units)
     name = section.text("name", hint="a name that no other board has")
     section.where = f"{path}, board {quoted(name)}"
     kind = section.choice("type", BOARD_TYPES, hint="one of " + ", ".join(BOARD_TYPES))

@@ -127,7 +127,7 @@ class CalibrateOptions:
         "--lift",
         "What the cubics are functions of: the viewing ray, as most commands need it, or the 3D "
         "point itself, as the paper has it, which holds only where the corners were.",
-        click.Choice(["ray", "point"]),
+        parameters.Choice(["ray", "point"]),
         "ray",
     )
     most: int | None = option(
@@ -418,12 +418,11 @@ def command(made: CalibratedFiles, given: CalibrateOptions, how: How) -> None:
     fitted, printed = made.fitted, how.print(made)
     report_left_out(fitted.unfit)
     _report_findings(fitted.fit)
-    if not printed:
-        apart()
-        result(fitted.line, mark=(fitted.verdict.words, fitted.verdict.level))
-        _print_calibration(made)
     print_removed(made.removed)
     _report_missing_page(made.files, wanted=given.report)
+    if not printed:
+        apart()
+        _print_calibration(made, given.source.path)
     figures.enforce_max_rms(fitted.fit.rms_px, how.max_rms)
 
 
@@ -448,30 +447,37 @@ def _report_findings(fit: FitRecord) -> None:
         print_message(f"{figures.mark_of(finding)}: {render(finding).line}")
 
 
-def _print_calibration(made: CalibratedFiles) -> None:
-    """Print the figures behind the verdict, the photos, the files, and what to do next."""
+def _print_calibration(made: CalibratedFiles, target: Path | None) -> None:
+    """Print the figures, the photos, the files, the verdict, and what to do next."""
+    from cubicfish_cli.words.camera import headline
+
     fitted, fit, detection = made.fitted, made.fitted.fit, made.inputs.detection
-    figures.print_verdict(fitted.verdict)
-    if made.advice is not None:
-        result(f"advice: {made.advice}")
-    result()
+    judged, first = fitted.verdict, headline(fitted)
+    result(f"{first}: {judged.words}", mark=(judged.words, judged.level))
+    result(f"{fitted.title}: {fitted.lens_line}\n" if fitted.title else f"{fitted.lens_line}\n")
     _print_figures(fitted)
     lost = dict.fromkeys(fitted.unfit, "left out")  # stderr has the reasons
     lost |= figures.why_lost(detection)
     by_board = figures.corners_by_board(fitted.pairs)
     rows = figures.fitted_rows(fitted, by_board, lost)
     everything = str(made.files["camera"])
-    figures.print_photo_table(rows, fitted.pairs.boards, everything=everything, apart=True)
+    figures.print_photo_table(
+        rows, fitted.pairs.boards, everything=everything, apart=True, fold=True
+    )
     result()
     _print_object(fit)
     print_wrote(made.files.values())
+    result(f"\n{first}")
+    figures.print_verdict(judged, alone=True)
+    if judged.level == "care" and any(reason.asks_for_photos for reason in judged.reasons):
+        result(f"advice: {made.advice}")
     if fit.lift == "point":
         camera = made.files["camera"]
         print_next(shell_line("cubicfish", "project", "POINTS", "--model", camera))
         return
     used = {Path(name).name for name in fitted.pairs.images}
     photo = next((photo for photo in made.inputs.photos if photo.name in used), None)
-    print_next_steps(fitted.verdict, made.files["camera"], photo, made.files.get("report"))
+    print_next_steps(judged, made.files["camera"], photo, target, made.files.get("report"))
 
 
 def _print_figures(fitted: Calibration | PointCalibration) -> None:
@@ -530,7 +536,7 @@ def _print_object(fit: FitRecord) -> None:
 
 
 def print_next_steps(
-    judged: Verdict, camera: Path, photo: Path | None, report: Path | None
+    judged: Verdict, camera: Path, photo: Path | None, target: Path | None, report: Path | None
 ) -> None:
     """Say what to do next, unless ``--quiet``.
 
@@ -538,20 +544,21 @@ def print_next_steps(
         judged: the camera's verdict.
         camera: its file.
         photo: one of the photos of the calibration.
+        target: the target's file, if there is one.
         report: the page about it, if there is one.
 
     """
-    lines = []
-    if judged.level == "bad":
-        lines.append(render(judged.reasons[0]).do)
-        if judged.reasons[0].asks_for_photos:
-            lines.append(shell_line("cubicfish", "advise", *_name_folder(camera)))
-    else:
+    lines, first = [], next(iter(judged.reasons), None)
+    if judged.level == "care" or (first is not None and first.asks_for_photos):
+        lines.append(shell_line("cubicfish", "advise", *_name_folder(camera)))
+    elif first is not None and first.remedy == "correct_target" and target is not None:
+        lines.append(shell_line("cubicfish", "target", "check", target))
+    elif judged.level == "bad" and report is not None:
+        lines.append(shell_line("open", report))
+    if judged.level != "bad":
         flat = f"flat{photo.suffix.lower()}" if photo is not None else "flat.png"
         option = ("--model", *_name_folder(camera)) if camera != DEFAULT_MODEL else ()
         lines.append(shell_line("cubicfish", "undistort", photo or "PHOTO", flat, *option))
-    if report is not None:
-        lines.append(shell_line("open", report))
     print_next(*lines)
 
 

@@ -31,7 +31,8 @@ class EvaluateOptions:
 
     Attributes:
         inputs: photos (files, folders and globs), or one corners.csv or correspondences.csv.
-        target: the calibration target, or its file; 2D-3D pairs have none.
+        target: the calibration target, or its file; where none is known, that in the camera's
+            folder. 2D-3D pairs have none.
         camera: the file or folder of the camera.
         image_size: (width, height) of the photos, for tables that do not say.
         exclude: photos that are left out, by their names or by patterns.
@@ -98,12 +99,14 @@ def evaluate_files(options: EvaluateOptions, *, run: Run = Run()) -> EvaluatedFi
 
     """
     paths, source = paths_of(options.inputs), TargetSource.of(options.target)
-    kind = kind_of_inputs(paths)
+    kind, model = kind_of_inputs(paths), in_folder(Path(options.camera))
+    if not source.is_known and kind != "points":
+        source = TargetSource.beside(model)
     check_inputs(kind, paths, source, run, image_size=options.image_size)
     from cubicfish import evaluate, load_camera
     from cubicfish_cli.observe import load_inputs
 
-    file = load_camera(in_folder(Path(options.camera)))
+    file = load_camera(model)
     size = options.image_size or file.camera.image_size
     exclude = paths_of(options.exclude)
     loaded = load_inputs(kind, paths, source, run, image_size=size, exclude=exclude)

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import click
-
 from cubicfish import Run, UsageError, did_you_mean, quoted
 from cubicfish.files import StrPath
 from cubicfish_cli.extension_guard import Place, written_formats
@@ -58,7 +56,7 @@ class LensOptions:
     to: str = option(
         "--to FORMAT",
         "What to write: a name of the list above.",
-        click.Choice(list(FORMATS)),
+        parameters.Choice(list(FORMATS)),
         required=True,
     )
     output: StrPath | None = parameters.output_option(

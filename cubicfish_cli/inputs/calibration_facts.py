@@ -227,6 +227,8 @@ def _measure_residuals(
         if known is not None:
             own = pairs.image == photo
             points[own] = known.apply(np.zeros(int(own.sum()), np.intp), pairs.world[own])
+    if isinstance(camera, CubicCamera):
+        camera = camera.over_corners(fit.covered_deg)
     return points, camera.project(points, near=True) - pairs.pixel
 
 

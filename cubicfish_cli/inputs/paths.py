@@ -17,6 +17,7 @@ from cubicfish import (
     UsageError,
     did_you_mean,
     quoted,
+    shown,
 )
 from cubicfish.files import StrPath
 
@@ -34,10 +35,11 @@ def in_folder(path: Path) -> Path:
     """The camera file that is meant: a folder stands for the camera.yaml in it.
 
     Raises:
-        CameraFileError: the folder has none.
+        CameraFileError: the folder has none, or the file is a photo or a film.
 
     """
     if not path.is_dir():
+        _refuse_picture(path)
         return path
     inside = path / "camera.yaml"
     if inside.exists():
@@ -51,6 +53,18 @@ def in_folder(path: Path) -> Path:
         f"{path} is a folder without a {inside.name}: name the folder that 'cubicfish "
         "calibrate' wrote, or a camera file"
     )
+
+
+def _refuse_picture(path: Path) -> None:
+    from cubicfish.photos import PictureFile
+
+    suffix, files = path.suffix.lower(), PictureFile
+    if suffix in files.SUFFIXES | files.VIDEO_SUFFIXES and path.is_file():
+        kind = "photo" if suffix in files.SUFFIXES else "video"
+        raise CameraFileError(
+            f"{shown(path)} is a {kind}, not a camera: name the folder that 'cubicfish calibrate' "
+            "wrote, or the camera.yaml in it"
+        )
 
 
 def calibration_files(model: Path) -> list[Path]:

@@ -48,6 +48,13 @@ class TargetSource:
             return cls(path=None if target is None else Path(target))
         return cls(given=target)
 
+    @classmethod
+    def beside(cls, camera: Path) -> TargetSource:
+        """The target of a camera's own calibration, by the camera's file; refined if it was."""
+        names = ("target.refined.yaml", "target.yaml")
+        there = (path for path in map(camera.with_name, names) if path.is_file())
+        return cls(path=next(there, None), by_default=True)
+
     @property
     def is_known(self) -> bool:
         """Whether there is any."""

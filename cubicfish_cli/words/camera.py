@@ -6,7 +6,7 @@ from typing import Any
 
 from cubicfish import Finding, Verdict
 from cubicfish.judge import CameraFacts, FieldUncertainty, FitRecord
-from cubicfish_cli.words.phrases import counted, length_words
+from cubicfish_cli.words.phrases import counted, length_words, two_digits, whole
 from cubicfish_cli.words.sentences import record_of, render
 
 COVERED = "of the field covered by corners"
@@ -17,6 +17,24 @@ may be trusted and does not see itself, in squares of an eighth of the photo's s
 _PUPIL_MATTERS_PX = 0.5
 
 
+def headline(known: CameraFacts) -> str:
+    """Return ``0.08 px where corners were, ±0.7 px over the field, 43 % of the photo calibrated``.
+
+    The error on photos not used in the fit, the uncertainty over the calibrated field, and its
+    share of the photo; what is not known is left out.
+    """
+    fit, certain = known.fit, known.fit.uncertainty.field
+    error = fit.held_out_rms_px if math.isfinite(fit.held_out_rms_px) else fit.rms_px
+    parts = [f"{_short(error)} px where corners were"] if math.isfinite(error) else []
+    if certain is not None:
+        parts.append(f"±{_short(certain.median_px)} px over the field")
+    return ", ".join([*parts, f"{whole(known.calibrated_share)} of the photo calibrated"])
+
+
+def _short(px: float) -> str:
+    return f"{px:.2f}" if 0.01 <= px < 10 else two_digits(px)
+
+
 def lens_rows(known: CameraFacts) -> list[tuple[str, str]]:
     """Return the figures of the lens that are known, a name and a text each."""
     rows = []
@@ -25,12 +43,7 @@ def lens_rows(known: CameraFacts) -> list[tuple[str, str]]:
         x, y = ("", "") if sigma is None else (f" ± {one:.2f}" for one in sigma)
         rows.append((name, f"x {value[0]:.2f}{x}, y {value[1]:.2f}{y} {unit}"))
     if known.field is not None:
-        seen = known.field
-        words = (
-            f"{seen.horizontal:.1f}° horizontal, {seen.vertical:.1f}° vertical, "
-            f"{seen.diagonal:.1f}° diagonal"
-        )
-        rows.append(("field of view", words))
+        rows.append(("field of view", str(known.field)))
     pupil = known.fit.pupil
     if pupil is not None and abs(pupil.rim_px) >= _PUPIL_MATTERS_PX:
         rows.append(("entrance pupil", pupil_words(pupil.rim_px, pupil.distance, pupil.units)))
@@ -41,16 +54,19 @@ def scope(known: CameraFacts) -> list[tuple[str, str, str, str]]:
     """Return the figures on how far to trust a camera: name, value, unit and meaning."""
     rows, fit = [], known.fit
     if known.max_angle_deg is not None:
-        meaning = "from the axis, where the camera may be trusted"
-        if math.isfinite(fit.covered_deg):
-            meaning += f"; corners reach {fit.covered_deg:.1f}°"
-        rows.append(("field", f"{known.max_angle_deg:.1f}", "°", meaning))
+        rows.append(("calibrated to", f"{known.max_angle_deg:.1f}", "°", reach_words(known)))
     if math.isfinite(fit.coverage):
         rows.append(("coverage", f"{100 * fit.coverage:.0f}", "%", COVERED))
     certain = fit.uncertainty.field
     if certain is not None:
         rows.append(("uncertainty", f"{certain.median_px:.3f}", "px", uncertainty_meaning(certain)))
     return rows
+
+
+def reach_words(known: CameraFacts) -> str:
+    """Return ``from the axis; corners reach 94.5°``, the meaning of the field's end."""
+    covered = known.fit.covered_deg
+    return "from the axis" + f"; corners reach {covered:.1f}°" * math.isfinite(covered)
 
 
 def uncertainty_words(certain: FieldUncertainty) -> str:

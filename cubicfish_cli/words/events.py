@@ -141,6 +141,19 @@ def _video_turned(video: Any, turned_deg: int) -> str:
     return f"{turned}, which the result does not: turn it with --rotate 0,0,DEG"
 
 
+@WORDS.event(Event.VIDEO_INTERLACED)
+def _video_interlaced(video: Any) -> str:
+    return (
+        f"{video}: the source is interlaced, and the result mixes both fields: deinterlace it "
+        "first (ffmpeg -vf yadif)"
+    )
+
+
+@WORDS.event(Event.VIDEO_REDUCED)
+def _video_reduced(video: Any, given: str, written: str) -> str:
+    return f"{video}: pictures of {given} are written as {written}, which holds less"
+
+
 @WORDS.event(Event.RENDERED_FLAT)
 def _rendered_flat() -> str:
     return "Boards are rendered flat: the target's bends and offsets are left out."

@@ -169,10 +169,10 @@ def _uncertain_elsewhere(median_px: float) -> Said:
     )
 
 
-@WORDS.finding(Code.UNCERTAIN, "somewhere")
-def _uncertain_somewhere(max_px: float) -> Said:
-    what = f"uncertainty is up to {max_px:.2f} px in the worst part of the field"
-    return Said(what, do="take photos with corners there (the map of uncertainty shows where)")
+@WORDS.finding(Code.UNCERTAIN, "rim")
+def _uncertain_rim(p95_px: float, goal_px: float) -> Said:
+    what = f"uncertainty is {p95_px:.2f} px over 95 % of the field, where {goal_px:.2g} px is good"
+    return Said(what, do="take more photos with corners out to the rim")
 
 
 @WORDS.finding(Code.MANY_OUTLIERS)

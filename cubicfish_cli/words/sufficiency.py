@@ -46,9 +46,8 @@ def summary(known: CameraFacts, pairs: Observations) -> str | None:
         return f"enough photos: {covered}{certain}"
     if reasons[0].code == Code.NOT_TRUSTED:
         return f"fix this first: {render(reasons[0].figures['reason']).do}"
-    what = render(reasons[0]).what
     where = "; ".join(gap_words(gaps)[:_PARTS])
     if known.fit.marked is not None:
-        return f"mark points at: {where}" if where else f"mark more points: {what}"
-    next_ones = f"show the target next at: {where}" if where else f"more photos: {what}"
+        return f"mark points at: {where}" if where else "mark more points"
+    next_ones = f"show the target next at: {where}" if where else "take more photos"
     return f"{next_ones} ('cubicfish advise' says from where)"

@@ -25,7 +25,7 @@ EXCEPTIONS: dict[str, str] = {
     "cubicfish.lazy.lazy_names": "the program's own names are loaded in the same way",
     "cubicfish.photos.photos.one_opencv_thread": "a state of the process, which can be one alone",
     "cubicfish.threads.one_blas_thread": "a state of the process, which can be one alone",
-    "cubicfish.models.lift.lift": "benchmarks/paper.py repeats the paper's sums, monomials and all",
+    "cubicfish.models.lift.lift": "the paper's sums are repeated, and spelt in other languages",
     "cubicfish.fit.point_fit.fit_ratio": "benchmarks/paper.py repeats the paper's own fit",
     "cubicfish.files.whole_files.remove_orphans": "workers that died far away left some",
     "cubicfish.geometry.outermost": "frames of films are told apart by it, as photos of a fit are",

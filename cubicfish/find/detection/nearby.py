@@ -6,8 +6,8 @@ import numpy as np
 from cubicfish.types import BoolArray, FloatArray, IntArray
 
 # Of FLANN: one k-d tree, searched to the end, so that the answer is exact.
-_TREE = {"algorithm": 4, "leaf_max_size": 10}
-_EXACT = {"checks": -1, "eps": 0.0, "sorted": True}
+_TREE: dict[str, bool | int | float | str] = {"algorithm": 4, "leaf_max_size": 10}
+_EXACT: dict[str, bool | int | float | str] = {"checks": -1, "eps": 0.0, "sorted": True}
 
 
 class Tree:

@@ -1,6 +1,7 @@
 """One mapping of a target file: its values by key, each checked when it is read."""
 
 import math
+import re
 from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
@@ -9,6 +10,7 @@ import numpy as np
 from cubicfish.errors import TargetError
 from cubicfish.target.boards.shape import BoardShape
 from cubicfish.types import FloatArray
+from cubicfish.units import times
 from cubicfish.wording import did_you_mean, is_name, quoted
 
 AXES_TOLERANCE = 1e-3
@@ -26,10 +28,18 @@ _OFFSETS = "a list of [column, row, along x_axis, along y_axis, into the board]"
 class Section:
     """One mapping of a target file."""
 
-    def __init__(self, where: str, data: dict[str, Any]) -> None:
-        """Take the mapping; messages about its values begin with ``where``."""
+    def __init__(self, where: str, data: dict[str, Any], units: str = "") -> None:
+        """Take the mapping.
+
+        Args:
+            where: what messages about its values begin with.
+            data: the mapping.
+            units: of its lengths.
+
+        """
         self.where = where
         self.data = data
+        self.units = units
 
     def refuse(self, key: str, what: str) -> NoReturn:
         """Refuse the value of a key.
@@ -80,7 +90,15 @@ class Section:
     def length(self, key: str, hint: str) -> float:
         """A length above zero."""
         value = self.required(key, hint)
+        if isinstance(value, str):
+            value = self._with_unit(value)
         return float(self.checked(key, value, _is_positive, "a positive, finite number"))
+
+    def _with_unit(self, text: str) -> float | str:
+        """A length that says its unit, such as 25mm, in the target's; other text as it is."""
+        found = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*([^\W\d_]+)\s*", text)
+        in_units = times(found[2], self.units) if found else None
+        return round(float(found[1]) * in_units, 12) if found and in_units else text
 
     def counts(self, key: str, what: str) -> tuple[int, int]:
         """Numbers along x and along y, two or more each."""

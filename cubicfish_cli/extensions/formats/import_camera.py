@@ -7,8 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from cubicfish import Run
 from cubicfish.files import StrPath
 from cubicfish_cli.extension_guard import read_formats
@@ -51,7 +49,7 @@ class ImportOptions:
     written_by: str | None = option(
         "--from FORMAT",
         "What wrote the file: a name of the list above. [default: told by what it holds]",
-        click.Choice(list(read_formats())),
+        parameters.Choice(list(read_formats())),
     )
     camera: str | None = option(
         "--camera NAME",
@@ -63,7 +61,7 @@ class ImportOptions:
     lens: str | None = option(
         "--lens KIND",
         "Whose four distortion coefficients are, where the file does not say: fisheye or pinhole.",
-        click.Choice(["fisheye", "pinhole"]),
+        parameters.Choice(["fisheye", "pinhole"]),
     )
     max_angle_deg: float | None = option(
         "--max-angle DEG",

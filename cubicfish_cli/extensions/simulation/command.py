@@ -134,7 +134,7 @@ class SimulateOptions:
     form: str = option(
         "--format",
         "Of the photos; png keeps every grey level.",
-        click.Choice(_FORMATS),
+        parameters.Choice(_FORMATS),
         _FORMATS[0],
     )
 

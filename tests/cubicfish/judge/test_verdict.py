@@ -1,5 +1,7 @@
 """The verdict on a fit: good where all is well, and one reason for each thing that is not."""
 
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plain_data import PLAIN
 
+import cubicfish.judge.verdict as judging
 from cubicfish.fit.calibration import Calibration
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
@@ -77,7 +80,7 @@ def test_a_good_fit_is_good() -> None:
             "2.7 times as much",
             "more photos",
         ),
-        ({"held_out_rms_px": 0.6, "companion_held_out_rms_px": 0.6}, "bad", "5.5 times", "photos"),
+        ({"held_out_rms_px": 0.5, "companion_held_out_rms_px": 0.6}, "care", "4.5 times", "photos"),
         (
             {"rms_px": 0.25, "held_out_rms_px": 0.3, "companion_held_out_rms_px": 0.25},
             "care",
@@ -114,12 +117,12 @@ def test_a_good_fit_is_good() -> None:
         ({"rank": 13}, "care", "determine 13 of 16", "other parts of the picture"),
         ({"lift": "point", "rank": 19}, "care", "19 of 20", "--lift ray"),
         ({"uncertainty": {"median_px": 0.6}}, "care", "uncertainty is 0.60 px", "sharper"),
-        ({"uncertainty": {"median_px": 3.5}}, "bad", "uncertainty is 3.50 px", "sharper"),
+        ({"uncertainty": {"median_px": 1.1}}, "bad", "uncertainty is 1.10 px", "sharper"),
         (
-            {"uncertainty": {"median_px": 0.1, "max_px": 3}},
+            {"uncertainty": {"median_px": 0.1, "p95_px": 0.31}},
             "care",
-            "up to 3.00 px",
-            "corners there",
+            "0.31 px over 95 % of the field, where 0.2 px is good",
+            "corners out to the rim",
         ),
         ({"dropped": 200}, "care", "200 of 2200 corners", "which boards"),
         ({"dropped": 900}, "bad", "900 of 2900 corners", "which boards"),
@@ -159,7 +162,7 @@ def test_each_fault_is_one_reason(change: dict[str, Any], level: str, why: str, 
         {"reach": {"rim_rms_px": 0.2, "middle_rms_px": 0.03, "rim_from_deg": 85.0}},
         {"reach": {"rim_rms_px": 0.4, "middle_rms_px": 0.3, "rim_from_deg": 85.0}},
         {"reach": {"all_around_deg": 60.0, "edge_uncertainty_px": 0.4}},
-        {"uncertainty": {"median_px": 0.4, "max_px": 0.9}},
+        {"uncertainty": {"median_px": 0.15, "p95_px": 0.2}},
         {"reach": {"all_around_deg": 80.0, "edge_uncertainty_px": 0.7}},
     ],
 )
@@ -286,4 +289,20 @@ def test_small_errors_do_not_clear_an_uncertain_camera(sigma: float, level: str)
     assert judged.level == level
     assert [reason.code for reason in judged.reasons] == [Code.UNCERTAIN] * (level != "good")
     larger = evaluation_verdict(errors, uncertainty, FitRecord(), (8000, 6000))
-    assert larger.level == ("good" if sigma < 2 else "care")
+    assert larger.level == ("good" if sigma < 2 else "bad")
+
+
+def test_the_page_of_figures_states_the_limits_of_the_verdict() -> None:
+    page = Path(__file__).parents[3] / "docs" / "expectations.md"
+    rows = [line.split(" | ") for line in page.read_text(encoding="utf-8").splitlines()]
+    stated = {
+        row[0].strip("| "): [float(re.findall(r"[0-9.]+", cell)[0]) for cell in row[1:]
+                             if re.search(r"[0-9]", cell)]
+        for row in rows
+        if len(row) == 4
+    }  # fmt: skip
+    assert stated["held-out RMS"] == [*judging._ERROR_PX]
+    assert stated["coverage"] == [100 * limit for limit in judging.COVERAGE]
+    assert stated["uncertainty, median over the field"] == [*judging._MEDIAN_UNCERTAINTY_PX]
+    assert stated["uncertainty, 95 % of the field"] == [judging.GOAL_PX]
+    assert stated["outliers"] == [100 * limit for limit in judging._DROPPED_SHARE]

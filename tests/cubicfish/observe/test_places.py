@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import yaml
 from anonymous_grids import anonymous_photos
-from running import SAMPLE, run_cli
+from running import run_cli
+from samples import SAMPLE
 
 from cubicfish import Target, TargetError, load_corners
 from cubicfish.diagnosis.corner_count import many_grids_left_out

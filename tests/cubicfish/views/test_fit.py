@@ -192,3 +192,16 @@ def test_longitude_and_latitude_are_as_large_as_what_is_seen(fitted: Calibration
     assert kept_share(camera, up) > 0.999  # a pole is at the edge
     assert up.hfov_deg == pytest.approx(360, abs=0.5)
     assert build_view(camera, "equirectangular", size=(400, 200)).size == (400, 200)
+
+
+@pytest.mark.parametrize("kind", ["cylindrical", "epipolar-cylindrical"])
+def test_a_cylinder_ends_where_nothing_more_is_seen(kind):
+    camera = cubic_camera(95.0)
+    view = build_view(camera, kind)
+    side = int(kind != "cylindrical")
+    seen = build_map(camera, view).valid.any(axis=side)
+    assert seen[[0, -1]].any()
+    whole = build_view(camera, kind, size=camera.image_size)
+    assert view.size[side] < whole.size[side] == camera.image_size[side]
+    assert whole.focal == view.focal
+    assert build_map(camera, view).valid.sum() == build_map(camera, whole).valid.sum()

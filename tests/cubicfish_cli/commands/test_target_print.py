@@ -270,9 +270,9 @@ def test_points_are_not_printed_and_unknown_units_refused(run: Run, tmp_path: Pa
     path.write_text(f"units: mm\nboards:\n{dots}")
     said = run("target", "print", path, "-o", tmp_path / "dots", code=1).stderr
     assert "lists of points only, which have no print" in said
-    path.write_text(f"units: cubit\nboards:\n{board}")
+    path.write_text(f"units: squares\nboards:\n{board}")
     said = run("target", "print", path, "-o", tmp_path / "cubits", code=1).stderr
-    assert "units 'cubit' cannot be printed" in said
+    assert "units 'squares' cannot be printed" in said
 
 
 @pytest.mark.slow

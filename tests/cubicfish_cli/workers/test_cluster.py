@@ -9,6 +9,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
@@ -368,17 +370,21 @@ def test_a_scheduler_that_is_not_there_is_one_line(
 
 
 @pytest.mark.slow
-def test_a_listener_that_is_no_scheduler_is_one_line_too() -> None:
+@pytest.mark.parametrize("said", [b"", np.random.default_rng(5).bytes(5000)])
+def test_a_listener_that_is_no_scheduler_is_one_line_too(said: bytes) -> None:
     code = (
         "import sys\nfrom cubicfish.workers import cluster\n"
         "cluster._CONNECT_S = cluster._SLACK_S = 0.3\n"
         "with cluster.connect(sys.argv[1]):\n    pass"
     )
-    with socket.create_server(("127.0.0.1", 0)) as silent:
-        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+    with ExitStack() as open_, ThreadPoolExecutor() as threads:
+        other = open_.enter_context(socket.create_server(("127.0.0.1", 0)))
+        address = f"tcp://127.0.0.1:{other.getsockname()[1]}"
+        threads.submit(lambda: open_.enter_context(other.accept()[0]).sendall(said))
         done = subprocess.run(
             [sys.executable, "-c", code, address], capture_output=True, text=True, timeout=20
         )
+    assert "Exception ignored" not in done.stderr  # of what is left of a client
     last = done.stderr.splitlines()[-1]
     assert last.startswith(f"cubicfish.errors.ClusterError: no scheduler answers at {address}")
 

@@ -366,8 +366,9 @@ FINE = {
     ("changed", "lacking"),
     [
         ({}, None),
-        ({"coverage": 0.73}, None),
-        ({"coverage": 0.62}, Code.LOW_COVERAGE),
+        ({"coverage": 0.89}, Code.LOW_COVERAGE),
+        ({"uncertainty": UncertaintyGrid(median_px=0.1, p95_px=0.2)}, None),
+        ({"uncertainty": UncertaintyGrid(median_px=0.1, p95_px=0.31)}, Code.UNCERTAIN),
         ({"images": 2, "held_out_rms_px": np.nan}, Code.NOT_HELD_OUT),
         ({"images": 5, "flat": True}, Code.FEW_PHOTOS_OF_A_PLANE),
         ({"uncertainty": UncertaintyGrid(median_px=0.7)}, Code.UNCERTAIN),

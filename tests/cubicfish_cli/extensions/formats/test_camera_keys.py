@@ -240,6 +240,9 @@ def test_of_several_cameras_one_is_named(tmp_path):
     assert read_foreign(path, camera="1")[0].image_size == (9, 8)
     with pytest.raises(CameraFileError, match=r"--camera: 0, 1$"):
         read_foreign(path, camera="")
+    for name in ("photonvision.json", "matlab_fisheyeIntrinsics.json"):
+        with pytest.raises(CameraFileError, match="holds one camera: leave out --camera"):
+            read(name, camera="left")
 
 
 MEI, DS, ORB = "camodocal_mei_kitti360.yaml", "basalt_ds.json", "orbslam3_kb8.yaml"
