@@ -75,9 +75,13 @@ _BY_LENS = ("by_lens", "or_turned")
 _LENSES = (Code.TURNED, Code.SCALED, Code.ZOOM, Code.SHIFTED, Code.TWO_LENSES)
 
 
+def _is_not_mirrored(_: FitEvidence, found: Sequence[Finding]) -> bool:
+    return all(one.case not in _BY_LENS for one in found)
+
+
 def _has_one_lens(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
-    of_lenses = [one for one in found if one.code in _LENSES or one.case in _BY_LENS]
-    return _is_named(evidence, found) and not of_lenses
+    of_lenses = [one for one in found if one.code in _LENSES]
+    return _is_named(evidence, found) and _is_not_mirrored(evidence, found) and not of_lenses
 
 
 def _has_odd_photos(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
@@ -114,15 +118,14 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     Hypothesis(PhotoEvidence, corner_count.many_lost, _has_corners),
     Hypothesis(GridEvidence, corner_count.many_grids_left_out, _has_corners),
     # About a fit.
-    Hypothesis(FitEvidence, mirrored.handed),
     Hypothesis(FitEvidence, saved_otherwise.saved_otherwise, _is_named),
+    Hypothesis(FitEvidence, mirrored.handed, _is_not_mirrored),
     Hypothesis(FitEvidence, two_lenses.find_two_lenses, _has_one_lens),
     Hypothesis(FitEvidence, anew.changes_anew, _has_one_lens),
     Hypothesis(FitEvidence, photo_lenses.odd_photos, _has_odd_photos),
     Hypothesis(FitEvidence, wrong_nominal.find_wrong_nominal, _is_not_bad),
     Hypothesis(FitEvidence, left_out.left_out, _is_named),
     Hypothesis(FitEvidence, corner_count.squares_of_corners, _is_counted),
-    Hypothesis(FitEvidence, left_out.dropped_boards, _has_only_notes),
     Hypothesis(FitEvidence, repeats.repeats),
     Hypothesis(FitEvidence, saved_otherwise.reduced, _has_one_lens),
     Hypothesis(FitEvidence, wrong_nominal.doubted_boards, _may_doubt_boards),

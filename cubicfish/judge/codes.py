@@ -83,7 +83,6 @@ class Code(StrEnum):
     TOO_FEW_CORNERS = "too_few_corners"
     DOES_NOT_FIT = "does_not_fit"
     NOISY = "noisy"
-    BOARD_DROPPED = "board_dropped"
     STANDS_OUT = "stands_out"
     NO_ERROR = "no_error"
     OUTLIERS = "outliers"

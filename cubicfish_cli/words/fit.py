@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from cubicfish import listed
 from cubicfish.judge import Code
 from cubicfish.judge import FindingText as Said
 from cubicfish_cli.words.phrases import pick, plural, whole
@@ -261,18 +260,6 @@ def _noisy(images: Names, times: float) -> Said:
         f"{pick(images, 'its', 'their')} corners are {pick(images, '', 'up to ')}{times:.0f} times "
         "noisier than those of the other photos: blurred, moving or badly lit",
         do=f"take {pick(images, 'it', 'them')} again",
-    )
-
-
-@WORDS.finding(Code.BOARD_DROPPED)
-def _board_dropped(
-    images: Names, board: str, dropped: int, corners: int, low_px: float, high_px: float
-) -> Said:
-    off = pick(images, f"{low_px:.1f}", f"{low_px:.1f} to {high_px:.1f}")
-    return Said(
-        f"{listed(images, 'photos')}: {dropped} of {corners} corners of board {board} are off by "
-        f"{off} px in the median and were dropped: the board moved, or is named wrongly in "
-        f"{pick(images, 'this photo', 'these photos')}"
     )
 
 

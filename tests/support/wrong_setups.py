@@ -446,6 +446,22 @@ def one_otherwise(
     return SetUp(target=target, corners=replace(corners, row=row), says=tuple(says))
 
 
+def board_moved(rng: np.random.Generator) -> SetUp:
+    """In one photo a board of three is 12 mm in front of its place."""
+    target = corner_of_half_a_metre()
+    lens = lens_of(rng)
+    poses = poses_of(rng, target, 12, lens)
+    floor = target.boards[0]
+    forward = floor.origin - 12 * floor.axes[2]
+    corners = together(
+        [
+            photos(rng, target, lens=lens, poses=poses[1:]),
+            photos(rng, with_board(target, 0, origin=forward), lens=lens, poses=poses[:1]),
+        ]
+    )
+    return SetUp(target=target, corners=corners)
+
+
 def half_a_pixel(rng: np.random.Generator) -> SetUp:
     target = corner_of_half_a_metre()
     corners = photos(rng, target)
@@ -906,4 +922,15 @@ CASES: tuple[Case, ...] = (
     ),
     Case(name="a size 1.1 times too large", make=lambda rng: reduced(rng, 1.1), says=("reduced",)),
     Case(name="a size 1.5 times too large", make=lambda rng: reduced(rng, 1.5), says=("reduced",)),
+    Case(name="nearly half mirrored", make=lambda rng: mirrored(rng, 0.42), says=("mirror",)),
+    Case(
+        name="zoom x 2.5 half-way",
+        make=lambda rng: mixed(rng, 2.5, 0, half_way=True),
+        says=("zoom|camera",),
+    ),
+    Case(
+        name="a board moved in one photo",
+        make=board_moved,
+        says=(r"11\.png: board \w+ is not where",),
+    ),
 )
