@@ -31,9 +31,11 @@ _TURNED = 3
 # A photo that is put right has no more than this share of its squared error. Lenses of all photos
 # follow, and show others: so many times at most.
 _HALF, _ROUNDS = 0.5, 5
+# It then fits nearly as well as the others, so many times their squared error at most.
+_AS_OTHERS = 4.0
 # A lens's centre is this near to the middle of the picture, as a share of its longer side; one that
 # is farther off than so many times that has another reason.
-_NEAR, _FAR = 0.01, 2.0
+_NEAR, _FAR = 0.01, 3.0
 
 
 def saved_otherwise(evidence: FitEvidence) -> list[Finding]:
@@ -94,7 +96,8 @@ def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:
     put_right = unlike(photo_lenses(tried[0].lens, poses, right))
     odd = np.zeros(len(way), bool)
     for saved, put in zip(as_saved, put_right, strict=True):
-        odd[saved.photo] = way[saved.photo] > 0 and saved.chance < BY_CHANCE < put.chance
+        odd[saved.photo] = saved.chance < BY_CHANCE < put.chance
+    odd &= (way > 0) & (square.min(axis=0) < _AS_OTHERS * np.median(square[0, way == 0]))
     return _report(pairs.images, odd, square, reference.unfit)
 
 

@@ -920,7 +920,9 @@ CASES: tuple[Case, ...] = (
         make=moves_all_the_while,
         says=("rolling shutter",),
     ),
-    Case(name="a size 1.1 times too large", make=lambda rng: reduced(rng, 1.1), says=("reduced",)),
+    Case(
+        name="a size 1.15 times too large", make=lambda rng: reduced(rng, 1.15), says=("reduced",)
+    ),
     Case(name="a size 1.5 times too large", make=lambda rng: reduced(rng, 1.5), says=("reduced",)),
     Case(name="nearly half mirrored", make=lambda rng: mirrored(rng, 0.42), says=("mirror",)),
     Case(
