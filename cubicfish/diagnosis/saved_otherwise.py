@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from cubicfish.diagnosis.photo_lenses import BY_CHANCE, photo_lenses, unlike
+from cubicfish.diagnosis.two_lenses import best_split
 from cubicfish.fit.calibration import FitEvidence
 from cubicfish.fit.cubic_fit import CameraFit
 from cubicfish.fit.radial_reference import refit_radial
@@ -93,7 +94,10 @@ def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:
             break
         camera = refit_radial(reference, right, poses).camera
     as_saved = unlike(photo_lenses(tried[0].lens, tried[0].poses, pairs))
-    put_right = unlike(photo_lenses(tried[0].lens, poses, right))
+    own_lenses = photo_lenses(tried[0].lens, poses, right)
+    split, put_right = best_split(own_lenses), unlike(own_lenses)
+    if split is not None and split.chance < BY_CHANCE:  # something else explains more
+        return []
     odd = np.zeros(len(way), bool)
     for saved, put in zip(as_saved, put_right, strict=True):
         odd[saved.photo] = saved.chance < BY_CHANCE < put.chance
