@@ -29,8 +29,9 @@ from cubicfish.types import BoolArray, FloatArray, IntArray
 # What becomes of a picture's x and y: as it is, left and right exchanged, top and bottom, both.
 _WAYS = np.array([[1, 1], [-1, 1], [1, -1], [-1, -1]])
 _TURNED = 3
-# A photo that is put right has no more than this share of its squared error. Lenses of all photos
-# follow, and show others: so many times at most.
+# A photo that is put right has no more than this share of its squared error, and so have all photos
+# together: it was what was wrong with them. Lenses of all photos follow, and show others: so many
+# times at most.
 _HALF, _ROUNDS = 0.5, 5
 # It then fits nearly as well as the others, so many times their squared error at most.
 _AS_OTHERS = 4.0
@@ -93,6 +94,9 @@ def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:
         if (way == before).all():
             break
         camera = refit_radial(reference, right, poses).camera
+    least = square[way, np.arange(len(way))]
+    if least.sum() > _HALF * square[0].sum():
+        return []
     as_saved = unlike(photo_lenses(tried[0].lens, tried[0].poses, pairs))
     own_lenses = photo_lenses(tried[0].lens, poses, right)
     split, put_right = best_split(own_lenses), unlike(own_lenses)
@@ -101,7 +105,7 @@ def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:
     odd = np.zeros(len(way), bool)
     for saved, put in zip(as_saved, put_right, strict=True):
         odd[saved.photo] = saved.chance < BY_CHANCE < put.chance
-    odd &= (way > 0) & (square.min(axis=0) < _AS_OTHERS * np.median(square[0, way == 0]))
+    odd &= (way > 0) & (least < _AS_OTHERS * np.median(square[0, way == 0]))
     return _report(pairs.images, odd, square, reference.unfit)
 
 
