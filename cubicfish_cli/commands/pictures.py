@@ -232,13 +232,15 @@ def write_pictures(
 
     """
     record = _find_record(plan, model)
+    if run.executor is None:  # a run that is killed has said whose its pictures are
+        write_files(record, overwrite=True)
     extras = plan.register.write(_draw_beside(plan, views)) if plan.beside else []
     if plan.kind == "video":  # one after the other, and each reports its own progress
         run = replace(run, jobs=1, listener=Listener())
     try:
         failures = write_many(plan.jobs, views.writer(plan.options.quality), run)
     finally:
-        if any(path.exists() for job in plan.jobs for path in job.outputs.values()):
+        if run.executor is not None and plan.folder is not None and plan.folder.is_dir():
             write_files(record, overwrite=True)
     # What another run has written in the meantime is as good.
     late = [
@@ -274,8 +276,7 @@ def _find_record(plan: PicturePlan, model: Path | None) -> dict[Path, Content]:
     if plan.folder is None or model is None:
         return {}
     path, digest = plan.folder / _RECORD, Fingerprint.of(model).sha256
-    view = None if plan.options.view == ViewOptions() else plan.options.view
-    own = {"camera": str(model), "sha256": digest, "view": repr(view)}
+    own = {"camera": str(model), "sha256": digest, "view": repr(plan.options.view or ViewOptions())}
     try:
         known = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -70,7 +70,7 @@ def test_a_program_is_told_what_is_done_and_says_nothing_of_a_command(
 ) -> None:
     heard, options = Heard(), CalibrateOptions(inputs=CORNERS, target=TARGET, folder=tmp_path / "b")
     made = calibrate_files(options, run=Run(listener=heard))
-    assert heard.events == [(Event.FITTING, {"corners": 1139, "points": False})]
+    assert heard.events == [(Event.FITTING, {"corners": 1139})]
     assert heard.steps[-1][0] == "Writing"
     assert "command" not in load_camera(made.files["camera"]).made_by
     with pytest.raises(OutputError, match="exists already"):

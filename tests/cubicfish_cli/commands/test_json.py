@@ -34,7 +34,7 @@ KEYS: dict[str, Mapping[str, str]] = {
 
 # Keys that only cameras and rigs have which are tested elsewhere.
 RARE = {
-    "calibrate": {"marked"},
+    "calibrate": {"marked"},  # of points that somebody marked
     "export": {"beyond"},
     "import": {"fold_deg"},
 }
