@@ -59,8 +59,9 @@ def outcome(case: wrong_setups.Case, seed: int) -> tuple[str, str]:
     level = record.get("verdict", {}).get("level", "bad")
     about = f"{words}\n[verdict {level}, RMS {record.get('rms_px', np.nan):.3f} px]"
     expected = (*case.says, *setup.says)
-    # What must not be noticed at all is right when nothing is.
-    if all(re.search(pattern, words) for pattern in expected) and bool(words) == bool(expected):
+    # Where nothing can be seen nothing may be found, whatever else the photos are short of.
+    found = record.get("findings", words)
+    if all(re.search(one, words) for one in expected) and (expected or not found):
         return "named", about
     return ("noticed" if words.strip() or level != "good" else "silent"), about
 

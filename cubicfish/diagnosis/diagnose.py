@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish.diagnosis import (
+    anew,
     corner_count,
     left_out,
     markers,
@@ -18,6 +19,7 @@ from cubicfish.diagnosis import (
     object_faults,
     photo_lenses,
     repeats,
+    saved_otherwise,
     two_lenses,
     wrong_nominal,
 )
@@ -69,11 +71,21 @@ def _has_corners(evidence: GridEvidence | MarkerEvidence, found: Sequence[Findin
     return _has_only_notes(evidence, found) and len(evidence.corners.pixel) > 0
 
 
+_BY_LENS = ("by_lens", "or_turned")
 _LENSES = (Code.TURNED, Code.SCALED, Code.ZOOM, Code.SHIFTED, Code.TWO_LENSES)
 
 
+def _is_not_mirrored(_: FitEvidence, found: Sequence[Finding]) -> bool:
+    return all(one.case not in _BY_LENS for one in found)
+
+
 def _has_one_lens(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
-    return _is_named(evidence, found) and all(one.code not in _LENSES for one in found)
+    of_lenses = [one for one in found if one.code in _LENSES]
+    return _is_named(evidence, found) and _is_not_mirrored(evidence, found) and not of_lenses
+
+
+def _has_odd_photos(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
+    return _has_one_lens(evidence, found) and all(one.case != "anew" for one in found)
 
 
 def _is_counted(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
@@ -106,15 +118,18 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     Hypothesis(PhotoEvidence, corner_count.many_lost, _has_corners),
     Hypothesis(GridEvidence, corner_count.many_grids_left_out, _has_corners),
     # About a fit.
-    Hypothesis(FitEvidence, mirrored.handed),
-    Hypothesis(FitEvidence, two_lenses.find_two_lenses, _is_named),
-    Hypothesis(FitEvidence, photo_lenses.odd_photos, _has_one_lens),
+    Hypothesis(FitEvidence, saved_otherwise.saved_otherwise, _is_named),
+    Hypothesis(FitEvidence, mirrored.handed, _is_not_mirrored),
+    Hypothesis(FitEvidence, two_lenses.find_two_lenses, _has_one_lens),
+    Hypothesis(FitEvidence, anew.changes_anew, _has_one_lens),
+    Hypothesis(FitEvidence, photo_lenses.odd_photos, _has_odd_photos),
     Hypothesis(FitEvidence, wrong_nominal.find_wrong_nominal, _is_not_bad),
     Hypothesis(FitEvidence, left_out.left_out, _is_named),
     Hypothesis(FitEvidence, corner_count.squares_of_corners, _is_counted),
-    Hypothesis(FitEvidence, left_out.dropped_boards, _has_only_notes),
     Hypothesis(FitEvidence, repeats.repeats),
+    Hypothesis(FitEvidence, saved_otherwise.reduced, _has_one_lens),
     Hypothesis(FitEvidence, wrong_nominal.doubted_boards, _may_doubt_boards),
+    Hypothesis(FitEvidence, wrong_nominal.odd_distance, _has_only_notes),
     # About corners that do not fit: the first hypothesis that explains it is the likeliest.
     Hypothesis(FailedFit, mirrored.mirrored_photos, lambda evidence, found: not found),
     Hypothesis(FailedFit, wrong_nominal.explain_failure, _is_unexplained),

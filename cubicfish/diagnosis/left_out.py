@@ -4,7 +4,7 @@ Where photos fit no lens together, the module finds those that do without some o
 lens of their own.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -265,40 +265,15 @@ def _is_usual(
 
 def _find_left_out(evidence: FitEvidence) -> set[str]:
     """The photos that were left out, and those in which a board lost half of its corners."""
-    unfit = evidence.fit.reference.unfit.items()
+    pairs, unfit = evidence.pairs, evidence.fit.reference.unfit.items()
     names = {name for name, why in unfit if why.code != Code.TOO_FEW_CORNERS}
-    return names.union(*_find_lost(evidence).values())
-
-
-def _find_lost(evidence: FitEvidence) -> dict[str, dict[str, tuple[list[float], int]]]:
-    """For boards and photos that lost most corners: how far these are off, and of how many."""
-    pairs, errors = evidence.pairs, defaultdict[tuple[str, str], list[float]](list)
-    for corner in evidence.dropped:
-        if corner.board is not None:
-            errors[corner.board, corner.image].append(corner.error_px)
-    lost = defaultdict[str, dict[str, tuple[list[float], int]]](dict)
-    for (board, photo), own in errors.items():
+    lost = Counter((one.board, one.image) for one in evidence.dropped if one.board is not None)
+    for (board, photo), count in lost.items():
         seen = pairs.image[pairs.board == pairs.boards.index(board)]
         corners = int((seen == pairs.images.index(photo)).sum())
-        if len(own) >= max(_FEWEST_LOST, _LOST_SHARE * corners):
-            lost[board][photo] = own, corners
-    return lost
-
-
-def dropped_boards(evidence: FitEvidence) -> list[Finding]:
-    """Find boards that lost most corners in photos: not by single slips, but for one reason."""
-    found = []
-    for board, photos in _find_lost(evidence).items():
-        typical = [float(np.median(errors)) for errors, _ in photos.values()]
-        figures = {
-            "dropped": sum(len(errors) for errors, _ in photos.values()),
-            "corners": sum(corners for _, corners in photos.values()),
-            "low_px": min(typical),
-            "high_px": max(typical),
-        }
-        code = Code.BOARD_DROPPED
-        found.append(Finding(code=code, images=tuple(photos), boards=(board,), figures=figures))
-    return found
+        if count >= max(_FEWEST_LOST, _LOST_SHARE * corners):
+            names.add(photo)
+    return names
 
 
 def left_out_lens(

@@ -112,9 +112,40 @@ def photo_lenses(lens: FitLens, poses: Poses, pairs: Observations) -> PhotoLense
         pairs: the pairs of the fit, their world points as fitted.
 
     """
+    photos, triangles, left = own_triangles(lens, poses, pairs)
+    free = triangles[:, :-1, :-1]
+    own = np.linalg.pinv(free, rcond=1e-9) @ triangles[:, :-1, -1:]
+    off = triangles[:, :, -1:] - np.pad(free, ((0, 0), (0, 1), (0, 0))) @ own
+    return PhotoLenses(
+        photos=photos,
+        own=own[:, :, 0],
+        information=free.transpose(0, 2, 1) @ free,
+        squares=np.sum(off[:, :, 0] ** 2, axis=1),
+        numbers=left - TERMS,
+        half_side=min(pairs.image_size) / 2,
+    )
+
+
+def own_triangles(
+    lens: FitLens, poses: Poses, pairs: Observations, more: FloatArray | None = None
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """What each photo says of terms of its own, beyond its pose.
+
+    Args:
+        lens: the fitted lens.
+        poses: camera_from_world of each of ``pairs.images``.
+        pairs: the pairs of the fit, their world points as fitted.
+        more: (N, 3, M) how other terms move the world points.
+
+    Returns:
+        The photos (K,) with enough corners; their triangles (K, 6 + M, 6 + M) (QR) of scale, shift,
+        shear, the other terms and the miss, pixels; and (K,) how many equations are left in each.
+
+    """
+    more = np.zeros((len(pairs.image), 3, 0)) if more is None else more
     # In runs: the derivatives by the lens, which come with those by the point, are many.
     starts = range(0, len(pairs.image), _AT_A_TIME)
-    rows = [_linearise(lens, poses, pairs, slice(one, one + _AT_A_TIME)) for one in starts]
+    rows = [_linearise(lens, poses, pairs, more, slice(one, one + _AT_A_TIME)) for one in starts]
     rows_of_all = np.concatenate(rows)
     # The loss of the fit: grossly wrong corners must not speak for a photo.
     miss = rows_of_all[:, :, -1]
@@ -123,26 +154,18 @@ def photo_lenses(lens: FitLens, poses: Poses, pairs: Observations) -> PhotoLense
     counts = np.bincount(pairs.image, minlength=len(pairs.images))
     stops, size = np.cumsum(counts), rows_of_all.shape[2]
     photos = np.flatnonzero(counts >= _FEWEST_CORNERS)
-    # (K, 6, 6) triangles (QR) of scale, shift, shear and the miss; the pose's rows are taken out.
-    triangles = np.empty((len(photos), size - 6, size - 6))
+    triangles = np.zeros((len(photos), size - 6, size - 6))
     for place, photo in enumerate(photos):
         own = rows_of_all[stops[photo] - counts[photo] : stops[photo]].reshape(-1, size)
-        triangles[place] = np.asarray(np.linalg.qr(own, mode="r"))[6:, 6:]
-    free = triangles[:, :-1, :-1]
-    own = np.linalg.pinv(free, rcond=1e-9) @ triangles[:, :-1, -1:]
-    off = triangles[:, :, -1:] - np.pad(free, ((0, 0), (0, 1), (0, 0))) @ own
-    return PhotoLenses(
-        photos=photos.astype(np.intp),
-        own=own[:, :, 0],
-        information=free.transpose(0, 2, 1) @ free,
-        squares=np.sum(off[:, :, 0] ** 2, axis=1),
-        numbers=np.asarray(2.0 * counts[photos] - 6 - TERMS, float),
-        half_side=min(pairs.image_size) / 2,
-    )
+        triangle = np.asarray(np.linalg.qr(own, mode="r"))[6:, 6:]
+        triangles[place, : len(triangle)] = triangle
+    return photos.astype(np.intp), triangles, np.asarray(2.0 * counts[photos] - 6, float)
 
 
-def _linearise(lens: FitLens, poses: Poses, pairs: Observations, run: slice) -> FloatArray:
-    """(n, 2, 12) derivatives by pose, scale, shift and shear, and the miss, all in pixels."""
+def _linearise(
+    lens: FitLens, poses: Poses, pairs: Observations, more: FloatArray, run: slice
+) -> FloatArray:
+    """(n, 2, 12 + M) derivatives by pose, scale, shift, shear and more, and the miss, pixels."""
     image = pairs.image[run]
     rotated = (poses.rotation[image] @ pairs.world[run, :, None])[:, :, 0]
     pixel, d_point, _ = lens.pixel_and_slopes(rotated + poses.translation[image])
@@ -156,6 +179,7 @@ def _linearise(lens: FitLens, poses: Poses, pairs: Observations, run: slice) -> 
             np.broadcast_to(np.eye(2), (len(pixel), 2, 2)),
             # A shift that grows from row to row.
             from_middle[:, 1, None, None] * np.eye(2),
+            d_point @ poses.rotation[image] @ more[run],
             (pairs.pixel[run] - pixel)[:, :, None],
         ],
         axis=2,

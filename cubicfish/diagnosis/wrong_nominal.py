@@ -7,7 +7,6 @@ frame. That it is the same in all photos gives the ratio of their squares.
 """
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from cubicfish.target.boards.board import Board
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
 from cubicfish.types import FloatArray, IntArray
+from cubicfish.units import MILLIMETRES
 
 _FEWEST_CORNERS = 12
 _FEWEST_LINES = 3
@@ -50,7 +50,12 @@ _MOST_BEND_SHARE = 0.03
 _MOST_STRETCH = 0.015
 _MOST_SHIFT_SHARE = 0.03
 _MOST_TURN_DEG = 2.0
+# Of a square: prints and names are exact in the plane, whatever the plate is.
 _MOST_OFFSET_SHARE = 0.02
+# A sheet on a plate is flat to a thousandth, and bends as a whole by some thousandths.
+_MOST_WAVES_SHARE = 0.003
+# Nobody holds a target nearer to a lens or, with a print that one carries, so far away.
+_NEAREST_MM, _FARTHEST_MM = 2.0, 2000.0
 
 
 def measured_object(pairs: Observations, target: Target) -> dict[int, FloatArray]:
@@ -188,26 +193,62 @@ def _does_stand_out(fault: Fault) -> bool:
 def doubted_boards(evidence: FitEvidence) -> list[Finding]:
     """Find boards that depart from the nominal ones by more than paper, plate or wall explains."""
     target, found = evidence.target, list[Finding]()
-    if target is None:
+    refined = evidence.fit.nominal.refined(evidence.fit.world)
+    if target is None or refined is None:
         return found
-    care = partial(Finding, severity=Severity.CARE)
+    care, note = Severity.CARE, Severity.NOTE
     for one in evidence.departures:
-        board = target.boards[target.board_names.index(one.board)]
+        place = target.board_names.index(one.board)
+        board, shape = target.boards[place], refined.boards[place].shape
         size = _find_half_diagonal(board)
         deepest, stretch = max(map(abs, (*one.bend, one.twist))), max(one.stretch, key=abs)
         moved = one.shift > _MOST_SHIFT_SHARE * size or one.turn_deg > _MOST_TURN_DEG
-        off = one.offset_rms > _MOST_OFFSET_SHARE * (board.square or size)
+        aside = waves = 0.0
+        if shape is not None and shape.offsets.any():
+            offsets = shape.offsets[shape.offsets.any(axis=2)]
+            aside, waves = rms_px(offsets[:, :2]), rms_px(offsets[:, 2:])
+        off = aside > _MOST_OFFSET_SHARE * (board.square or size)
+        wavy = waves > _MOST_WAVES_SHARE * size
         found += [
-            care(code=code, boards=(one.board,), figures={**figures, "units": target.units})
-            for code, is_odd, figures in (
-                (Code.BENT, deepest > _MOST_BEND_SHARE * size, {"size": deepest}),
-                (Code.STRETCHED, abs(stretch) > _MOST_STRETCH, {"percent": 100 * stretch}),
-                (Code.MOVED, moved, {"size": one.shift, "turn_deg": one.turn_deg}),
-                (Code.CORNERS_OFF, off, {"size": one.offset_rms}),
+            Finding(
+                code=code,
+                case=case,
+                severity=severity,
+                boards=(one.board,),
+                figures={**figures, "units": target.units},
+            )
+            for code, case, severity, is_odd, figures in (
+                (Code.BENT, "", care, deepest > _MOST_BEND_SHARE * size, {"size": deepest}),
+                (Code.BENT, "wavy", note, wavy, {"size": waves, "aside": aside}),
+                (
+                    Code.STRETCHED,
+                    "",
+                    care,
+                    abs(stretch) > _MOST_STRETCH,
+                    {"percent": 100 * stretch},
+                ),
+                (Code.MOVED, "", care, moved, {"size": one.shift, "turn_deg": one.turn_deg}),
+                (Code.CORNERS_OFF, "", care, off, {"size": aside}),
             )
             if is_odd
         ]
     return found
+
+
+def odd_distance(evidence: FitEvidence) -> list[Finding]:
+    """Ask whether squares have their size, where the camera was too near or too far for a lens."""
+    target, fit = evidence.target, evidence.fit
+    unit = MILLIMETRES.get(target.units.lower()) if target else None
+    if target is None or unit is None:
+        return []
+    pairs = fit.reference.pairs
+    away = np.linalg.norm(fit.poses.apply(pairs.image, pairs.world), axis=1)
+    distance = float(np.median(away)) * fit.nominal.scale * unit
+    if _NEAREST_MM < distance < _FARTHEST_MM:
+        return []
+    square = max(board.square or 0.0 for board in target.boards)
+    figures = {"distance_mm": distance, "square": square, "units": target.units}
+    return [Finding(code=Code.BOARD_SQUARE, case="distance", figures=figures)]
 
 
 def _find_half_diagonal(board: Board) -> float:

@@ -83,7 +83,6 @@ class Code(StrEnum):
     TOO_FEW_CORNERS = "too_few_corners"
     DOES_NOT_FIT = "does_not_fit"
     NOISY = "noisy"
-    BOARD_DROPPED = "board_dropped"
     STANDS_OUT = "stands_out"
     NO_ERROR = "no_error"
     OUTLIERS = "outliers"
@@ -159,6 +158,7 @@ _REMEDIES: Mapping[Remedy, tuple[str | tuple[str, str], ...]] = {
         Code.SCALED,
         Code.TURNED,
         (Code.OTHER_SIZE, "turned"),
+        (Code.OTHER_SIZE, "reduced"),
         (Code.NO_PHOTO, "none_usable"),
         (Code.NO_PHOTO, "several"),
         Code.SHOT_MISMATCHED,
@@ -213,8 +213,12 @@ _REMEDIES: Mapping[Remedy, tuple[str | tuple[str, str], ...]] = {
         Code.NO_VIEW,
         Code.BY_CONVENTION,
         Code.CLOCKS_DIFFER,
+        (Code.BENT, "wavy"),
     ),
     Remedy.TAKE_AGAIN: (
+        (Code.BENT, "anew"),
+        (Code.ZOOM, "anew"),
+        (Code.SHIFTED, "anew"),
         Code.MANY_UNFIT,
         Code.TOO_FEW_CORNERS,
         Code.NOISY,
@@ -235,7 +239,7 @@ _REMEDIES: Mapping[Remedy, tuple[str | tuple[str, str], ...]] = {
         (Code.FITS_NOWHERE, "odd"),
         (Code.NO_PLANE, "odd"),
     ),
-    Remedy.HOLD_STILL: (Code.NOT_AT_ONCE,),
+    Remedy.HOLD_STILL: (Code.NOT_AT_ONCE, (Code.PHOTO_LENS, "anew")),
 }
 _REMEDY_OF = {what: remedy for remedy, own in _REMEDIES.items() for what in own}
 

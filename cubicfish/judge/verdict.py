@@ -249,7 +249,9 @@ def _apply_rules(
     case = "few" if 0 < photos < FEW_PHOTOS else ""
     level = _care_if(math.isnan(held_out) and not of.says_nothing)
     yield from _report(level, Code.NOT_HELD_OUT, case, photos=photos or None)
-    level = ratio_above(held_out, rms, _OVERFIT, scale)
+    # What is another in every photo is fitted to each, and more photos do not help.
+    anew = any(one.case == "anew" for one in of.findings)
+    level = None if anew else ratio_above(held_out, rms, _OVERFIT, scale)
     yield from _report(level, Code.OVERFITTED, held_out_px=held_out, times=held_out / (rms or 1))
     level = ratio_above(held_out, radial, _BESIDE_COMPANION, scale)
     yield from _report(level, Code.RADIAL_IS_NEARER, held_out_px=held_out, radial_px=radial)

@@ -22,7 +22,7 @@ from cubicfish.rigs.joint_fit import RigProblem, fit_jointly
 from cubicfish.rigs.names import with_agreeing_names
 from cubicfish.rigs.rig import Rig, RigCamera
 from cubicfish.rigs.shots import Matching, Times
-from cubicfish.rigs.start import RigStart, connected, refuse_exchanged, start_rig
+from cubicfish.rigs.start import RigStart, connected, refuse_exchanged, refuse_the_same, start_rig
 from cubicfish.rigs.times import CornerMotion, Motion
 from cubicfish.rigs.views import JoinedViews, observed_shots
 from cubicfish.solve.deformable_target import TARGET_MODELS, NominalTarget
@@ -88,6 +88,7 @@ def calibrate_rig(
     if len(names) < 2:
         raise FitError("a rig has two cameras or more: calibrate a single one with 'calibrate'")
     seen, target, matched = observed_shots(cameras, target, shots, tolerance, times)
+    refuse_the_same(seen)
     refuse_exchanged(seen, {name: known[name] for name in names if name in known})
     common, progress = CommonWorld.of(list(seen.values())), listener.stages("Fitting")
     singly = []

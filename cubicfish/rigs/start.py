@@ -40,6 +40,27 @@ _LOST_SHARE = 0.03
 _WORST = 3
 
 
+def refuse_the_same(cameras: Mapping[str, Observations]) -> None:
+    """Refuse cameras with the same photos: no two see corners at the same places to the last digit.
+
+    Args:
+        cameras: by name, their pairs.
+
+    Raises:
+        FitError: most corners of two are the same; the text names them.
+
+    """
+    places = {name: {*map(tuple, own.pixel.tolist())} for name, own in cameras.items()}
+    for one, other in combinations(cameras, 2):
+        fewer = min(len(places[one]), len(places[other]))
+        if 2 * len(places[one] & places[other]) > fewer:
+            raise FitError(
+                f"cameras {one} and {other} have the same photos: their corners are at the same "
+                "pixels",
+                do="give each camera its own photos",
+            )
+
+
 def refuse_exchanged(cameras: Mapping[str, Observations], known: Mapping[str, Calibrated]) -> None:
     """Refuse photos that are of another size than their lens, or fit another one far better.
 

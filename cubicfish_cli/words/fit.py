@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from cubicfish import listed
 from cubicfish.judge import Code
 from cubicfish.judge import FindingText as Said
 from cubicfish_cli.words.phrases import pick, plural, whole
@@ -213,6 +212,15 @@ def _bent(board: str, size: float, units: str) -> Said:
     return Said(what, do=f"check that it is flat, measure its place again, {CORRECT}")
 
 
+@WORDS.finding(Code.BENT, "wavy")
+def _wavy(board: str, size: float, units: str, aside: float) -> Said:
+    return Said(
+        f"board {board} is wavy: its corners are {size:.2g} {units} (RMS) out of the plane",
+        f"and {aside:.2g} {units} off within it, as prints are",
+        "the camera allows for it as long as the board stays so; glue it to a flat plate",
+    )
+
+
 @WORDS.finding(Code.STRETCHED)
 def _stretched(board: str, percent: float) -> Said:
     what = f"board {board} seems stretched by {percent:.1f} %, {_UNEXPLAINED}"
@@ -228,8 +236,8 @@ def _moved(board: str, size: float, units: str, turn_deg: float) -> Said:
 @WORDS.finding(Code.CORNERS_OFF)
 def _corners_off(board: str, size: float, units: str) -> Said:
     return Said(
-        f"the corners of board {board} seem to be off by {size:.3g} {units}, more than print or "
-        "plate explains",
+        f"the corners of board {board} seem to be off by {size:.3g} {units} within its plane, more "
+        "than a print explains",
         do="check with 'cubicfish detect --draw' that they are found and named right, or measure "
         f"the target again, {CORRECT}",
     )
@@ -250,18 +258,6 @@ def _noisy(images: Names, times: float) -> Said:
         f"{pick(images, 'its', 'their')} corners are {pick(images, '', 'up to ')}{times:.0f} times "
         "noisier than those of the other photos: blurred, moving or badly lit",
         do=f"take {pick(images, 'it', 'them')} again",
-    )
-
-
-@WORDS.finding(Code.BOARD_DROPPED)
-def _board_dropped(
-    images: Names, board: str, dropped: int, corners: int, low_px: float, high_px: float
-) -> Said:
-    off = pick(images, f"{low_px:.1f}", f"{low_px:.1f} to {high_px:.1f}")
-    return Said(
-        f"{listed(images, 'photos')}: {dropped} of {corners} corners of board {board} are off by "
-        f"{off} px in the median and were dropped: the board moved, or is misnamed in "
-        f"{pick(images, 'this photo', 'these photos')}"
     )
 
 

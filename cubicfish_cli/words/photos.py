@@ -201,6 +201,17 @@ def _by_convention(grids: int, columns: int, rows: int, corners: int) -> Said:
     )
 
 
+@WORDS.finding(Code.BY_CONVENTION, "whole")
+def _whole_by_convention(grids: int, columns: int, rows: int, corners: int) -> Said:
+    what = "a weak line at the rim of"
+    if grids > 1:
+        what = "weak lines at the rims of"
+    return Said(
+        f"{what} {_grid(grids, columns, rows, corners)} may not be the board's",
+        do="this does not matter for the lens, only for measuring the board",
+    )
+
+
 class _Grid(NamedTuple):
     """What is said of a grid that has no place: of one, where most photos have it, what to do."""
 

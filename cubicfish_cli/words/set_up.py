@@ -299,6 +299,16 @@ def _board_square_grids(
     return Said(what, do=_RERUN)
 
 
+@WORDS.finding(Code.BOARD_SQUARE, "distance")
+def _board_square_distance(distance_mm: float, square: float, units: str) -> Said:
+    away = f"{distance_mm:.2g} mm" if distance_mm < 1000 else f"{distance_mm / 1000:.2g} m"
+    size = f"a square of {square:g} {units}" if square else f"a target in {units}"
+    return Said(
+        f"with {size} the camera was {away} away (median): is that size right?",
+        do="the lens does not depend on it, but all distances do; give it with its unit",
+    )
+
+
 @WORDS.finding(Code.BOARD_SQUARE, "spacing")
 def _board_square_spacing(board: str, gaps: int, spacing: float, drawn_spacing: float) -> Said:
     return Said(
@@ -409,6 +419,25 @@ def _mirrored_some(images: Names) -> Said:
     what = f"{listed(images, 'photos')} {pick(images, 'is', 'are')} mirrored, or "
     what += f"{pick(images, 'its', 'their')} corners are counted the other way round"
     return Said(what, "the other photos show the same boards from the other side", _AS_MADE)
+
+
+@WORDS.finding(Code.MIRRORED, "by_lens", "or_turned")
+def _mirrored_by_lens(case: str, images: Names) -> Said:
+    how = "mirrored" if case == "by_lens" else "mirrored, or turned by 180°"
+    what = f"{listed(images, 'photos')} {pick(images, 'is', 'are')} {how}: the lens's centre is on"
+    return Said(f"{what} the other side of the middle", do=_AS_MADE)
+
+
+@WORDS.finding(Code.OTHER_SIZE, "reduced")
+def _reduced(
+    width: int, height: int, given_width: int, given_height: int, x_px: float, y_px: float
+) -> Said:
+    return Said(
+        f"all corners lie in the upper left of {given_width}x{given_height} pixels, and so does "
+        f"the lens's centre, at ({x_px:.0f}, {y_px:.0f}): were the photos reduced?",
+        f"they would be in a picture of about {width}x{height}",
+        "give the size of the photos in which the corners were found",
+    )
 
 
 @WORDS.finding(Code.MIRRORED, "some_grids")
@@ -527,6 +556,38 @@ def _photo_lens(images: Names, size_px: float, share: float, worst: str) -> Said
         f"this explains {whole(share)} of the squared error of {pick(images, 'it', worst)}",
         f"leave {pick(images, 'this photo', 'these photos')} out, and look at what was different",
     )
+
+
+_ANEW: Mapping[str, tuple[str, str]] = {
+    Code.BENT: (
+        "the board bends anew in every photo",
+        "glue it to a flat plate (glass, aluminium), and take the photos again",
+    ),
+    Code.PHOTO_LENS: (
+        "camera or target moves while photos are taken (motion, with a rolling shutter)",
+        "hold both still for each photo; of a film, use frames in which nothing moves, not more of "
+        "them",
+    ),
+    Code.ZOOM: (
+        "the focal length is another in every photo (autofocus)",
+        "switch autofocus off, and take the photos again",
+    ),
+    Code.SHIFTED: (
+        "the lens's centre is another in every photo (image stabilisation)",
+        "switch stabilisation off, and take the photos again",
+    ),
+}
+
+
+@WORDS.finding(Code.BENT, "anew")
+@WORDS.finding(Code.PHOTO_LENS, "anew")
+@WORDS.finding(Code.ZOOM, "anew")
+@WORDS.finding(Code.SHIFTED, "anew")
+def _anew(code: str, images: Names, size_px: float, worst_px: float, share: float) -> Said:
+    what, do = _ANEW[code]
+    moves = f"this moves corners by {size_px:.2f} px (RMS), and by up to {worst_px:.2f} px in"
+    explains = f"this explains {whole(share)} of the squared error"
+    return Said(f"{what}: {moves} {listed(images, 'photos')}", explains, do)
 
 
 @WORDS.finding(Code.PHOTO_LENS, "left_out")

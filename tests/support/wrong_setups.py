@@ -416,6 +416,52 @@ def upside_down(rng: np.random.Generator) -> SetUp:
     return SetUp(target=target, corners=moved(corners, own(corners, chosen), lambda p: last - p))
 
 
+def one_otherwise(
+    rng: np.random.Generator, *ways: str, off: tuple[float, float] | None = None
+) -> SetUp:
+    """Ten photos of a flat board, of which some are saved mirrored or turned by 180°.
+
+    A detector names the corners of each by what it sees: of a mirrored board, rows from their
+    other end, which has the right colours.
+    """
+    target = Target(units="mm", boards=(synthetic.checkerboard("board", 9, 6, 30.0),))
+    random = rng.choice([-1, 1], 2) * rng.uniform(8, 25, 2)
+    centre = np.array(IMAGE_SIZE) / 2 + (random if off is None else off)
+    lens = replace(lens_of(rng), cx=centre[0], cy=centre[1])
+    corners = photos(rng, target, count=10, lens=lens)
+    last, row = np.array(IMAGE_SIZE) - 1, corners.row.copy()
+    says = []
+    for way, photo in zip(ways, rng.choice(len(corners.images), len(ways), False), strict=True):
+        here = own(corners, photo)
+        turns = np.array({"mirrored": [-1, 1], "turned": [-1, -1]}[way])
+        corners = moved(corners, here, lambda p, turns=turns: p * turns + last * (turns < 0))
+        if way == "mirrored":
+            row[here] = 5 - row[here]
+        name = corners.images[photo]
+        # A centre that is off along one side only shows no more.
+        either = f"{name} is mirrored, or turned"
+        says.append(
+            f"{name} is mirrored|{either}" if way == "mirrored" else f"180° in {name}|{either}"
+        )
+    return SetUp(target=target, corners=replace(corners, row=row), says=tuple(says))
+
+
+def board_moved(rng: np.random.Generator) -> SetUp:
+    """In one photo a board of three is 12 mm in front of its place."""
+    target = corner_of_half_a_metre()
+    lens = lens_of(rng)
+    poses = poses_of(rng, target, 12, lens)
+    floor = target.boards[0]
+    forward = floor.origin - 12 * floor.axes[2]
+    corners = together(
+        [
+            photos(rng, target, lens=lens, poses=poses[1:]),
+            photos(rng, with_board(target, 0, origin=forward), lens=lens, poses=poses[:1]),
+        ]
+    )
+    return SetUp(target=target, corners=corners)
+
+
 def half_a_pixel(rng: np.random.Generator) -> SetUp:
     target = corner_of_half_a_metre()
     corners = photos(rng, target)
@@ -594,6 +640,62 @@ def bent_by(rng: np.random.Generator, target: Target, size: float) -> Target:
         )
         target = with_board(target, index, shape=shape)
     return target
+
+
+def wavy(rng: np.random.Generator) -> SetUp:
+    """A loose sheet that stays as it is: off its plane by two thirds of a millimetre, in waves."""
+    target = Target(units="mm", boards=(synthetic.checkerboard("board", 9, 6, 25.0),))
+    real = with_board(target, 0, shape=_waves(rng, target, 0.7))
+    return SetUp(target=target, corners=photos(rng, real, count=16))
+
+
+def _waves(rng: np.random.Generator, target: Target, size: float) -> BoardShape:
+    """Three waves, each with two or three crests along a board, of ``size`` mm (RMS) together."""
+    board = target.boards[0]
+    across = np.stack(np.mgrid[: board.rows, : board.columns], axis=-1) / (board.columns - 1)
+    heights = np.zeros(across.shape[:2])
+    for _ in range(3):
+        way, phase = rng.uniform(-np.pi, np.pi, 2)
+        along = across @ [np.sin(way), np.cos(way)]
+        heights += np.sin(2 * np.pi * rng.uniform(1.5, 3) * along + phase)
+    offsets = np.zeros((board.rows, board.columns, 3))
+    heights *= size / np.std(heights)
+    # In front of its plane, which hides what is behind it.
+    offsets[:, :, 2] = heights - heights.max() - 10
+    return replace(BoardShape.none(board.columns, board.rows), offsets=offsets)
+
+
+def bends_anew(rng: np.random.Generator) -> SetUp:
+    """A sheet held in a hand: bent by some millimetres, in every photo otherwise."""
+    target, lens = synthetic.flat_board(), lens_of(rng)
+    parts = []
+    for pose in poses_of(rng, target, 14, lens):
+        real = bent_by(rng, target, 3.0)
+        real = with_board(real, 0, shape=real.boards[0].shape.plus(_waves(rng, target, 0.2)))
+        parts.append(photos(rng, real, lens=lens, poses=[pose]))
+    return SetUp(target=target, corners=together(parts))
+
+
+def moves_all_the_while(rng: np.random.Generator) -> SetUp:
+    """Frames of a film by a hand that moves, and a rolling shutter."""
+    target, lens = synthetic.flat_board(), lens_of(rng)
+    corners = photos(rng, target, count=30, lens=lens)
+    shear = rng.normal(0, 0.006, (30, 2))[corners.image]
+    every = np.ones(len(corners.pixel), bool)
+    return SetUp(
+        target=target,
+        corners=moved(corners, every, lambda p: p + (p[:, 1:] - 480) * shear),
+    )
+
+
+def reduced(rng: np.random.Generator, times: float) -> SetUp:
+    """A table that says a larger size than its photos had."""
+    target = corner_of_half_a_metre()
+    lens = lens_of(rng)
+    middle = np.array(IMAGE_SIZE) / 2 + rng.uniform(-8, 8, 2)
+    corners = photos(rng, target, lens=replace(lens, cx=middle[0], cy=middle[1]))
+    size = tuple(round(times * one) for one in IMAGE_SIZE)
+    return SetUp(target=target, corners=replace(corners, image_size=size))
 
 
 def bent(rng: np.random.Generator) -> SetUp:
@@ -795,5 +897,42 @@ CASES: tuple[Case, ...] = (
         name="three photos sheared by 0.3 %",
         make=lambda rng: sheared(rng, 0.003),
         says=("otherwise.*moved",),
+    ),
+    Case(
+        name="one photo mirrored among ten, flat board",
+        make=lambda rng: one_otherwise(rng, "mirrored"),
+        says=(),
+    ),
+    Case(
+        name="one photo turned among ten, flat board",
+        make=lambda rng: one_otherwise(rng, "turned"),
+        says=(),
+    ),
+    Case(
+        name="one photo mirrored, one turned among ten",
+        make=lambda rng: one_otherwise(rng, "mirrored", "turned"),
+        says=(),
+    ),
+    Case(name="a wavy board", make=wavy, says=("wavy",)),
+    Case(name="a board that bends anew", make=bends_anew, says=("bends",)),
+    Case(
+        name="a camera that moves all the while",
+        make=moves_all_the_while,
+        says=("rolling shutter",),
+    ),
+    Case(
+        name="a size 1.15 times too large", make=lambda rng: reduced(rng, 1.15), says=("reduced",)
+    ),
+    Case(name="a size 1.5 times too large", make=lambda rng: reduced(rng, 1.5), says=("reduced",)),
+    Case(name="nearly half mirrored", make=lambda rng: mirrored(rng, 0.42), says=("mirror",)),
+    Case(
+        name="zoom x 2.5 half-way",
+        make=lambda rng: mixed(rng, 2.5, 0, half_way=True),
+        says=("zoom|camera",),
+    ),
+    Case(
+        name="a board moved in one photo",
+        make=board_moved,
+        says=(r"11\.png: board \w+ is not where",),
     ),
 )

@@ -41,6 +41,8 @@ FROM_CORNERS = [
     ("half a pixel off (cannot be seen)", 0),
     ("one grid one column off", 2),
     ("all from one place, flat board", 9),
+    ("one photo mirrored among ten, flat board", 1),
+    ("a size 1.5 times too large", 2),
 ]
 
 

@@ -88,6 +88,7 @@ class GridReport:
         size: columns and rows of its bounding box; where it was left out, without lines of one or
             two corners at its rim.
         rms_px: how well it fits its name under the lens of the scene; NaN when unknown.
+        whole: whether it is as wide and as high as its board.
 
     """
 
@@ -96,6 +97,7 @@ class GridReport:
     corners: int
     size: tuple[int, int]
     rms_px: float
+    whole: bool = False
 
     @property
     def sure(self) -> bool:
@@ -310,9 +312,10 @@ def remark_of(photo: str, grid: GridReport, *, odd: bool = False) -> Finding | N
     if grid.code is None:
         return None
     columns, rows = grid.size
+    whole = grid.verdict is Decided.CONVENTION and grid.whole
     return Finding(
         code=grid.code,
-        case="odd" if odd and grid.verdict in _ODD else "",
+        case="odd" if odd and grid.verdict in _ODD else "whole" if whole else "",
         severity=Severity.NOTE if grid.named else Severity.CARE,
         images=(photo,),
         figures={"grids": 1, "columns": columns, "rows": rows, "corners": grid.corners},

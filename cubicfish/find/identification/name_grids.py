@@ -235,7 +235,7 @@ def _make_identified(
 
 def _report(scene: Scene, grid: Grid, decision: Decision, n: int) -> GridReport:
     verdict = decision.verdict[n]
-    place = None
+    place, extent = None, (0, 0)
     if verdict in (Decided.NAMED, Decided.CONVENTION):
         side = int(decision.side[n])
         place = Place(
@@ -244,6 +244,8 @@ def _report(scene: Scene, grid: Grid, decision: Decision, n: int) -> GridReport:
             column=int(decision.offset[n, 0]),
             row=int(decision.offset[n, 1]),
         )
+        board = scene.target.boards[place.board]
+        extent = board.columns, board.rows
     # Of what was left out, lines of hardly any corners say nothing of its size.
     shown = grid if place is not None else solid(grid)
     columns, rows = (np.ptp(shown.cells, axis=0) + 1).tolist()
@@ -253,6 +255,7 @@ def _report(scene: Scene, grid: Grid, decision: Decision, n: int) -> GridReport:
         corners=len(grid),
         size=(columns, rows),
         rms_px=float(decision.rms_px[n]),
+        whole=sorted((columns, rows)) == sorted(extent),
     )
 
 

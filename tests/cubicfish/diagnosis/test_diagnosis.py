@@ -606,23 +606,28 @@ def unsteady_pairs(change, size=None, *, seed=31, target=None):
     return whole, target
 
 
+ANEW = {"bend": Code.BENT, "scale": Code.ZOOM, "shift": Code.SHIFTED}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("change", ["bend", "scale", "shift"])
-def test_what_changes_from_photo_to_photo_accuses_nobody(change):
+def test_what_changes_from_photo_to_photo_accuses_no_single_ones(change):
     seen, target = unsteady_pairs(change)
     found = calibrate(seen, target=target, refine_target="off", hold_out=False).findings
-    assert all(one.severity is Severity.NOTE for one in found)
+    assert [(one.code, one.case) for one in found] == [(ANEW[change], "anew")]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("target", [synthetic.flat_board(), synthetic.corner_of_three()])
 @pytest.mark.parametrize(("change", "size"), [("bend", 6.0), ("scale", 0.08), ("shift", 15.0)])
 @pytest.mark.parametrize("seed", [7, 31])
-def test_what_changes_much_accuses_no_photo(change, size, seed, target):
+def test_what_changes_much_is_named_or_accuses_nobody(change, size, seed, target):
     """Also where the target was refined, which takes up a part of it."""
     seen, target = unsteady_pairs(change, size, seed=seed, target=target)
     made = calibrate(seen, target=target, refine_target="auto", hold_out=False)
-    assert not any(one.images for one in made.findings)  # boards may be doubted
+    accused = [(one.code, one.case) for one in made.findings if one.images]  # boards are doubted
+    # On three boards a row's shift is nearly one of the centre.
+    assert accused in ([(ANEW[change], "anew")], [] if change == "shift" else None)
     assert Code.LARGE_ERRORS in [one.code for one in made.verdict.reasons]
 
 

@@ -10,13 +10,10 @@ from lenses import random_rays
 
 from cubicfish.calibration import calibrate
 from cubicfish.diagnosis.diagnose import find_faults
-from cubicfish.diagnosis.left_out import dropped_boards
 from cubicfish.fit.calibrate import calibrate as fit
 from cubicfish.fit.coverage import FieldCells, blind_angle
 from cubicfish.judge.codes import Code
-from cubicfish.judge.fit_record import DroppedCorner
 from cubicfish.models.radial import RadialCamera
-from cubicfish.solve.subset import select
 
 TARGET = synthetic.corner_of_three()
 
@@ -64,28 +61,10 @@ def test_a_board_that_moved_in_one_photo_is_named(pairs):
     world[own] += [0, 0, 12.0]
     moved = pairs.with_world(world)
     result = fit(moved, target=TARGET, hold_out=False, diagnose=find_faults)
-    (note,) = [one for one in result.findings if one.code == Code.BOARD_DROPPED]
+    (note,) = result.findings
+    assert (note.code, note.case) == (Code.BOARD_PLACE, "moved")
     assert (note.images, note.boards) == (("02.png",), ("left",))
-    assert note.figures["corners"] == own.sum()
     assert result.errors.rms_px < 0.16
-
-
-def test_photos_that_lost_the_same_board_are_reported_in_one_line(pairs):
-    one = DroppedCorner(image="00.png", board="left", error_px=3.0)
-    dropped = [one] * 9 + [DroppedCorner(image="02.png", board="left", error_px=8.0)] * 8
-    dropped += [DroppedCorner(image="02.png", board="floor", error_px=2.5)]
-    dropped += [DroppedCorner(image="03.png", error_px=9.0)]
-    seen = sum(
-        ((pairs.image == photo) & (pairs.board == pairs.boards.index("left"))).sum()
-        for photo in (0, 2)
-    )
-    few, _ = select(pairs, (pairs.column < 4) & (pairs.row < 4))
-    assert dropped_boards(SimpleNamespace(pairs=pairs, dropped=[one])) == []
-    (reported,) = dropped_boards(SimpleNamespace(pairs=few, dropped=dropped))
-    assert (reported.images, reported.boards) == (("00.png", "02.png"), ("left",))
-    assert reported.figures["corners"] < seen
-    assert reported.figures["dropped"] == 17
-    assert (reported.figures["low_px"], reported.figures["high_px"]) == (3.0, 8.0)
 
 
 def test_corners_beyond_the_field_say_nothing_of_its_middle() -> None:

@@ -84,6 +84,13 @@ def fitted(
     )
 
 
+def test_one_camera_given_twice_is_refused():
+    one, other = simulated()[0]
+    again = replace(one, images=other.images)
+    with pytest.raises(FitError, match="cameras left and right have the same photos"):
+        fitted([one, again])
+
+
 @functools.cache
 def plain() -> Rig:
     return fitted(simulated()[0])

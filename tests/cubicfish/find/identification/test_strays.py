@@ -11,8 +11,9 @@ from synthetic import IMAGE_SIZE, checkerboard, corner_of_three, flat_board
 from cubicfish.diagnosis.corner_count import nothing_named
 from cubicfish.find.detection.grids import Grid
 from cubicfish.find.identification.ends import doubtful_rims, solid, without_strays
-from cubicfish.find.identification.identified import Decided
+from cubicfish.find.identification.identified import Decided, remark_of
 from cubicfish.find.identification.name_grids import name_grids
+from cubicfish.judge.codes import Code
 from cubicfish.target.target import Target
 from tests.cubicfish.find.identification.test_name_grids import names, places, seen
 
@@ -235,6 +236,10 @@ def test_a_line_that_may_be_none_of_a_cut_boards_is_not_certain(why):
         assert identified.grids[0][0].verdict is Decided.CONVENTION
         assert len(identified.corners.pixel) == len(part)
         assert not identified.exact.any()
+        # It is no part of the board in its middle, but as wide as all of it.
+        remark = remark_of("a.png", identified.grids[0][0])
+        assert remark is not None
+        assert (remark.code, remark.case) == (Code.BY_CONVENTION, "whole")
         # With nothing against that line the board is whole.
         assert name_grids([[whole]], target, size, names(1)).exact.all()
 

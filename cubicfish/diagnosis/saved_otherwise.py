@@ -1,0 +1,160 @@
+"""Photos that were saved mirrored, turned by 180° or reduced, as the lens's centre shows.
+
+A board looks like itself in a mirror, or upside down, and its corners are named by what is seen.
+But no lens's centre is in the middle of the picture: it jumps to the other side of it, and with it
+whatever else is lopsided about the lens.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cubicfish.diagnosis.photo_lenses import BY_CHANCE, photo_lenses, unlike
+from cubicfish.diagnosis.two_lenses import best_split
+from cubicfish.fit.calibration import FitEvidence
+from cubicfish.fit.cubic_fit import CameraFit
+from cubicfish.fit.radial_reference import refit_radial
+from cubicfish.fit.start import fit_poses
+from cubicfish.judge.codes import Code, Severity
+from cubicfish.judge.finding import Finding
+from cubicfish.solve.adjustment import Adjustment, adjust
+from cubicfish.solve.fit_lens import FixedLens
+from cubicfish.solve.poses import Poses
+from cubicfish.solve.statistics import local_noise_px, noise_by_photo, wide_px
+from cubicfish.target.observations import Observations
+from cubicfish.target.placement import renamed
+from cubicfish.types import BoolArray, FloatArray, IntArray
+
+# What becomes of a picture's x and y: as it is, left and right exchanged, top and bottom, both.
+_WAYS = np.array([[1, 1], [-1, 1], [1, -1], [-1, -1]])
+_TURNED = 3
+# A photo that is put right has no more than this share of its squared error, and so have all photos
+# together: it was what was wrong with them. Lenses of all photos follow, and show others: so many
+# times at most.
+_HALF, _ROUNDS = 0.5, 5
+# It then fits nearly as well as the others, so many times their squared error at most.
+_AS_OTHERS = 4.0
+# A lens's centre is this near to the middle of the picture, as a share of its longer side; one that
+# is farther off than so many times that has another reason.
+_NEAR, _FAR = 0.01, 3.0
+
+
+def saved_otherwise(evidence: FitEvidence) -> list[Finding]:
+    """Find photos that are mirrored or turned, unlike most: put right, they fit one lens."""
+    fit, nominal_fit = evidence.fit, evidence.nominal_fit
+    # A target bends to photos of which one is mirrored; the nominal one may be far from the real.
+    for one in (fit,) if fit is nominal_fit else (nominal_fit, fit):
+        if found := _find_otherwise(one, evidence.pairs):
+            return found
+    return []
+
+
+def reduced(evidence: FitEvidence) -> list[Finding]:
+    """Find that all that is seen lies in a smaller picture, whose middle is the lens's centre."""
+    reference = evidence.fit.reference
+    size, camera = np.array(evidence.pairs.image_size), reference.camera
+    middle, centre = (size - 1) / 2, np.array([camera.cx, camera.cy])
+    near = _NEAR * size.max()
+    if (middle - centre < _FAR * near).any() or (centre <= 0).any():
+        return []
+    share = float(np.sqrt(np.prod(centre / middle)))
+    is_middle = np.abs(centre - middle * share).max() < near
+    if not is_middle or (evidence.pairs.pixel.max(axis=0) > size * share + 2 * near).any():
+        return []
+    (width, height), (x, y) = np.rint(size * share).astype(int).tolist(), centre.tolist()
+    figures = {"width": width, "height": height, "x_px": x, "y_px": y}
+    figures |= {"given_width": int(size[0]), "given_height": int(size[1])}
+    return [Finding(code=Code.OTHER_SIZE, case="reduced", severity=Severity.CARE, figures=figures)]
+
+
+def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:
+    """Find them beside a fit, by all pairs in the target's units."""
+    reference, nominal = fit.reference, fit.nominal
+    errors = noise_by_photo(reference.pairs.image, fit.residual, len(reference.pairs.images))
+    noise = local_noise_px(reference.pairs, fit.residual)
+    if not reference.unfit and _HALF * errors.max() ** 2 < noise**2:
+        return []
+    if target := nominal.refined(fit.world):
+        every = renamed(every, target, nominal.renamed).with_target(target)
+    pairs, camera = every.with_world(every.world / nominal.scale), reference.camera
+    way = np.zeros(len(pairs.images), np.intp)
+    for _ in range(_ROUNDS):
+        start, pairs, placed = fit_poses(camera, pairs)
+        if start is None:
+            return []
+        before, tried = way[placed], [_see(start, pairs, one) for one in range(len(_WAYS))]
+        square = np.stack(
+            [noise_by_photo(pairs.image, one.residual, len(placed)) ** 2 for one in tried]
+        )
+        way = np.where(square.min(axis=0) < _HALF * square[0], square.argmin(axis=0), 0)
+        if 2 * np.count_nonzero(way) >= len(way):
+            return []
+        poses, right = Poses.chosen([one.poses for one in tried], way), _put_right(pairs, way)
+        if (way == before).all():
+            break
+        camera = refit_radial(reference, right, poses).camera
+    least = square[way, np.arange(len(way))]
+    if least.sum() > _HALF * square[0].sum():
+        return []
+    as_saved = unlike(photo_lenses(tried[0].lens, tried[0].poses, pairs))
+    own_lenses = photo_lenses(tried[0].lens, poses, right)
+    split, put_right = best_split(own_lenses), unlike(own_lenses)
+    if split is not None and split.chance < BY_CHANCE:  # something else explains more
+        return []
+    odd = np.zeros(len(way), bool)
+    for saved, put in zip(as_saved, put_right, strict=True):
+        odd[saved.photo] = saved.chance < BY_CHANCE < put.chance
+    odd &= (way > 0) & (least < _AS_OTHERS * np.median(square[0, way == 0]))
+    return _report(pairs.images, odd, square, reference.unfit)
+
+
+def _report(
+    images: Sequence[str], odd: BoolArray, square: FloatArray, unfit: Collection[str]
+) -> list[Finding]:
+    """Report odd photos (M,) by their squared errors (4, M) under each way of saving."""
+    # Where the centre is off along one side only, a turn by 180° does the same as a mirror.
+    likely = _HALF * square < square.min(axis=0)
+    turned, mirrored = likely[_TURNED], likely[1:_TURNED].any(axis=0)
+    found = []
+    for code, case, own in (
+        (Code.TURNED, "", odd & ~mirrored),
+        (Code.MIRRORED, "by_lens", odd & ~turned),
+        (Code.MIRRORED, "or_turned", odd & turned & mirrored),
+    ):
+        if not own.any():
+            continue
+        names, rest = (tuple(np.array(images)[one].tolist()) for one in (own, ~own))
+        after_px = float(np.sqrt(square.min(axis=0)[own].max()))
+        found.append(
+            Finding(
+                code=code,
+                case=case,
+                # A camera that was made without them is right.
+                severity=Severity.NOTE if {*names} <= {*unfit} else Severity.BAD,
+                images=names,
+                because="corrected",
+                figures={"after_px": after_px, "where": "in", "rest": rest},
+            )
+        )
+    return found
+
+
+def _put_right(pairs: Observations, way: IntArray) -> Observations:
+    """The pairs as they were before photos were saved in these ways (M,)."""
+    signs = _WAYS[way[pairs.image]]
+    last, world = np.array(pairs.image_size) - 1, pairs.world.copy()
+    world[:, 0] *= signs.prod(axis=1)
+    pixel = np.where(signs < 0, last - pairs.pixel, pairs.pixel)
+    return replace(pairs.with_world(world), pixel=pixel)
+
+
+def _see(start: Adjustment[FixedLens], pairs: Observations, way: int) -> Adjustment[FixedLens]:
+    """Fit the poses of all photos, put right as if all were saved in one way."""
+    mirror = np.append(_WAYS[way], 1)
+    poses = Poses(
+        rotation=mirror[:, None] * start.poses.rotation * [_WAYS[way].prod(), 1, 1],
+        translation=mirror * start.poses.translation,
+    )
+    right = _put_right(pairs, np.full(len(poses), way))
+    return adjust(start.lens, poses, right, wide_px(start.errors))
