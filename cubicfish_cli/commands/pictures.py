@@ -241,7 +241,7 @@ def write_pictures(
         failures = write_many(plan.jobs, views.writer(plan.options.quality), run)
     finally:
         if run.executor is not None and plan.folder is not None and plan.folder.is_dir():
-            write_files(record, overwrite=True)
+            write_files(record, overwrite=True, folder=plan.folder)
     # What another run has written in the meantime is as good.
     late = [
         job.name

@@ -61,7 +61,9 @@ def refuse_picture(path: Path) -> None:
         CameraFileError: it is one, by its name.
 
     """
-    from cubicfish.photos import PictureFile
+    if path.suffix.lower() in (".yaml", ".yml"):
+        return
+    from cubicfish.photos import PictureFile  # slow to load
 
     suffix, files = path.suffix.lower(), PictureFile
     if suffix in files.SUFFIXES | files.VIDEO_SUFFIXES and path.is_file():

@@ -118,7 +118,7 @@ def heavy_after(code: str) -> set[str]:
         ("from cubicfish_cli import CubicfishError", set()),
         ("from cubicfish_cli import CubicCamera", {"numpy"}),
         ("from cubicfish_cli import Target, load_camera, load_corners", {"numpy", "yaml"}),
-        ("from cubicfish_cli import calibrate", {"numpy", "yaml", "scipy"}),
+        ("from cubicfish_cli import calibrate", {"numpy", "yaml"}),
     ],
 )
 def test_a_name_loads_what_it_needs_when_it_is_asked_for(code: str, loaded: set[str]) -> None:

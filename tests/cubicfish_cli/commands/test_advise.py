@@ -73,7 +73,7 @@ def test_a_verdict_that_asks_for_photos_is_not_contradicted(
     camera.write_text(changed)
     given = ("--corners", SAMPLE / "true_corners.csv", "--target", TARGET)
     said = " ".join(run("advise", camera, *given).stdout.split())
-    assert "Not enough: the camera is off by 0.900 px on photos left out" in said
+    assert "Not enough: the camera is off by 0.900 px on photos not used in the fit" in said
     assert "Enough" not in said
 
 

@@ -35,7 +35,7 @@ KEYS: dict[str, Mapping[str, str]] = {
 # Keys that only cameras and rigs have which are tested elsewhere.
 RARE = {
     "calibrate": {"marked"},  # of points that somebody marked
-    "export": {"beyond"},
+    "export": {"beyond", "formats"},
     "import": {"fold_deg"},
 }
 

@@ -43,7 +43,9 @@ def test_a_wrong_drawing_is_refined_and_written(run: Run, tmp_path, bent_target)
     # What the drawing is off by is not put down to the camera.
     for target, before in ((bent_target, levels["off"]), (refined, record["held_out_rms_px"])):
         said = run("evaluate", corners, "-t", target, "-m", folder).stdout
-        assert f"against {before:.3f} px when it was calibrated" in said
+        assert "times as much as when it was calibrated" not in said
+        if before < 0.1:
+            assert f"against {before:.3f} px when it was calibrated" in said
         assert "calibrate again" not in said
     made_by = yaml.safe_load((folder / "camera.yaml").read_text())["made_by"]
     assert made_by["options"]["refine_target"] == "auto"

@@ -221,7 +221,8 @@ def test_what_the_metadata_promise() -> None:
     assert f"py{oldest.replace('.', '')}" in (PROJECT / "pyproject.toml").read_text()
     # Each library that the code imports is asked for, and the other way round.
     options = {re.split(r"[=<>\[]", pin)[0].lower() for pin in lower_bounds(project)}
-    names = {"cv2": "opencv-python-headless", "yaml": "pyyaml", "mpl_toolkits": "matplotlib"}
+    names = {"cv2": "opencv-python-headless", "yaml": "pyyaml", "mpl_toolkits": "matplotlib",
+             "pillow_heif": "pillow-heif"}  # fmt: skip
     used = {names.get(name, name.lower()) for name in imported_libraries()}
     assert used == options
 

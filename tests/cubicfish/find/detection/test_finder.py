@@ -252,9 +252,9 @@ def test_growth_over_dots_ends_early(monkeypatch):
     corners = []
     refine = search.verify
 
-    def counted(pyramid, lattice, cells):
+    def counted(pyramid, lattice, cells, **how):
         corners.append(len(cells))
-        return refine(pyramid, lattice, cells)
+        return refine(pyramid, lattice, cells, **how)
 
     monkeypatch.setattr(search, "verify", counted)
     assert find_grids(photo).grids == ()
