@@ -21,7 +21,7 @@ from cubicfish_cli.render.pages import figures as page
 from cubicfish_cli.render.pages.plot import INK, picture_plot
 
 # Of more corners it would take longer than all else of the page.
-_MOST_CORNERS = 6000
+_MOST_CORNERS = 4000
 _PIECES = 12  # of a board's side, which a fisheye bends
 _BEYOND_DEG = 8.0  # boards are drawn this far beyond the field
 _KINDS = ("perspective", "cylindrical", "equirectangular", "stereographic", "equidistant")

@@ -51,7 +51,8 @@ for (const row of rows) {
 }
 sorting.hidden = false;
 for (const button of sorting.querySelectorAll("button")) button.onclick = () => {
-  for (const one of sorting.querySelectorAll("button")) one.ariaPressed = String(one === button);
+  for (const one of sorting.querySelectorAll("button"))
+    one.setAttribute("aria-pressed", one === button);
   const key = (row) => Number(row.dataset[button.dataset.by]) || 0;
   byId("rows").append(...rows.sort((a, b) => key(a) - key(b)));
 };
@@ -64,7 +65,7 @@ function space(scene, canvas) {
     canvas.width = canvas.clientWidth * devicePixelRatio || 700;
     canvas.height = 0.6 * canvas.width;
     const [s, c, su, cu] = [around, up].flatMap((one) => [Math.sin(one), Math.cos(one)]);
-    const k = 0.6 * canvas.height * scale, middle = [canvas.width / 2, canvas.height / 2];
+    const k = 0.75 * canvas.height * scale, middle = [canvas.width / 2, canvas.height / 2];
     const near = ([x, y, z]) => cu * (x * c + y * s) + su * z;
     const place = ([x, y, z]) =>
       [middle[0] + k * (y * c - x * s), middle[1] + k * (su * (x * c + y * s) - cu * z)];
