@@ -139,8 +139,7 @@ def _cross(
         found.replace(rows, crossings(rows=rows, gap=usual))
         odd = np.abs(found.gap[rows] - usual.mean) > _ODD_GAP * usual.spread
         found.ok[rows[odd]] = False
-    if not roughly:
-        _lean_on_saddles(image, found, half)
+    _lean_on_saddles(image, found, half)
     return found
 
 

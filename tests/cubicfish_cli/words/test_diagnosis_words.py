@@ -25,9 +25,8 @@ def test_a_board_of_other_counts_is_said_with_what_to_do() -> None:
     assert (finding.code, finding.severity, finding.boards) == ("corner_count", "care", ("floor",))
     assert render(finding).line == (
         "board floor: the target says 10x6 inner corners, 8 of 10 photos show 9x6 (no photo shows "
-        "more); correct the counts of corners "
-        "in target.yaml (or of --board) and run it again (origin too, if it was of a corner that "
-        "is not there), unless something covers the rest in all photos"
+        "more); correct the corner counts in target.yaml (or --board) and run again (origin too, "
+        "if it was that of a missing corner), unless something covers the rest in all photos"
     )
     assert in_words([], THREE, 10) == []
 
@@ -73,7 +72,7 @@ def test_another_target_is_said_with_both_sizes() -> None:
 def test_parts_of_boards_are_wanted_with_their_ends() -> None:
     photos = [(report((6, number), Decided.SLIDE),) for number in (3, 4, 5, 6)]
     (said,) = nothing_named(grid_evidence(identified(*photos), LARGE))
-    assert "take photos that show two boards, or a board with its ends" in render(said).do
+    assert "take photos that show two boards, or the ends of a board" in render(said).do
 
 
 def test_dots_are_said_once() -> None:
