@@ -6,6 +6,5 @@ target, unless they are not those of the fit. `figures.py` and `scene.py` draw p
 names that a user chose never enter a figure. `pictures.py` makes small copies of photos, `page.py`
 fills the template, which escapes everything. `acting.py` works out what a reader may try: photos
 left out, the next ones, and a photo straightened by the camera's shader; `report.js`, the page's
-only script, lets them, and what it shows beside that the page shows without it. `calibrate` and `cubicfish report` make the same page
-to the byte.
+only script, lets them try. `calibrate` and `cubicfish report` make the same page to the byte.
 """

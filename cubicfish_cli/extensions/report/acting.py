@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from cubicfish_cli.extensions.report.figures import draw_outline, shade_empty
 from cubicfish_cli.inputs.calibration_facts import Facts
 from cubicfish_cli.render.pages import figures as page
 from cubicfish_cli.render.pages.plot import INK, picture_plot
+from cubicfish_cli.words.phrases import shell_line
 
 # Of more corners it would take longer than all else of the page.
 _MOST_CORNERS = 4000
@@ -167,5 +168,7 @@ def live_view(facts: Facts, photo: str) -> dict[str, Any] | None:
         "fields": fields,
         "size": camera.image_size,
         "start": build_view(camera).hfov_deg,
-        "command": f"cubicfish undistort {shlex.quote(photo)} flat.jpg --model camera.yaml",
+        "command": shell_line(
+            "cubicfish", "undistort", Path(photo), "flat.jpg", "--model", "camera.yaml"
+        ),
     }

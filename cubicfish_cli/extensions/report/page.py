@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import shlex
 from base64 import b64encode
 from collections import Counter
 from collections.abc import Sequence
@@ -22,6 +21,7 @@ from cubicfish_cli.extensions.report.scene import scene_figures
 from cubicfish_cli.inputs.calibration_facts import Facts, facts_of_fit, matched
 from cubicfish_cli.render.pages.template import template
 from cubicfish_cli.words import camera as in_words
+from cubicfish_cli.words.phrases import shell_line
 from cubicfish_cli.words.sentences import render
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def report_html(facts: Facts) -> str:
         },
         next_ones=list(changes.next_ones),
         changes=changes,
-        quoted=shlex.quote,
+        quoted=shell_line,
         facts=facts,
         known=facts.known,
         lens=[(name.capitalize(), words) for name, words in in_words.lens_rows(facts.known)],

@@ -164,8 +164,8 @@ def test_boards_and_poses_turn_by_mouse_and_finger(opened: Any) -> None:
     browser, _ = opened
     seen = [drawn(browser, "#scene")]
     assert (np.ptp(seen[0].reshape(-1, 3), axis=0) > 100).all()
-    for finger in (False, True):
-        drag(browser, "#scene", 60, 30, finger=finger)
+    for x, y, finger in ((60, 0, False), (0, 40, False), (40, 0, True), (0, 40, True)):
+        drag(browser, "#scene", x, y, finger=finger)
         seen.append(drawn(browser, "#scene"))
         assert (seen[-1] != seen[-2]).any()
     assert not any(one.is_displayed() for one in find(browser, "#still img"))
