@@ -397,7 +397,7 @@ def _make_map(camera: CubicCamera) -> Content | None:
 
 @as_command(
     "calibrate",
-    "Make a camera and its undistortion map from photos of a known target.",
+    "Calibrate a camera from photos of a target.",
     "cubicfish calibrate photos/ --target target.yaml",
     "cubicfish calibrate photos/ --board 9x6 --square 25mm --title 'front left'",
     "cubicfish calibrate film.mp4 --target target.yaml",

@@ -120,7 +120,7 @@ def _draw_picture(comparison: Comparison) -> Any:
 
 @as_command(
     "compare",
-    "Say how far apart two cameras are, in pixels.",
+    "Compare two cameras, in pixels.",
     "cubicfish compare last_year/camera.yaml calibration/camera.yaml",
     "cubicfish compare a.yaml b.yaml --picture difference.png --max-rms 0.3",
     "cubicfish compare simulated/true_camera.yaml calibration/camera.yaml",

@@ -142,7 +142,7 @@ def _match_target(file: CameraFile, loaded: Inputs, source: TargetSource) -> Fit
 
 @as_command(
     "evaluate",
-    "Measure a camera on other photos, poses refitted.",
+    "Measure a camera on other photos.",
     "cubicfish evaluate new_photos/ --target target.yaml",
     "cubicfish evaluate corners.csv --target target.yaml --max-rms 0.5",
     do=evaluate_files,

@@ -283,7 +283,7 @@ def _compare(options: ExportOptions, path: Path, run: Run) -> ExportedFiles:
 
 @as_command(
     "export",
-    "Write the camera for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
+    "Export the camera to OpenCV, ROS, Kalibr, COLMAP and others.",
     "cubicfish export --to opencv --max-angle 89",
     "cubicfish export --to kalibr-omni -o camchain.yaml",
     "cubicfish export --to mrcal -m lens_a/camera.yaml",

@@ -122,7 +122,7 @@ def info_files(options: InfoOptions, *, run: Run = Run()) -> CameraInfo:
 
 @as_command(
     "info",
-    "Show a camera: focal length, field of view, how far to trust it.",
+    "Show a camera: focal length, field of view, errors, verdict.",
     "cubicfish info",
     "cubicfish info lens_a/",
     "cubicfish info camera.yaml --json",

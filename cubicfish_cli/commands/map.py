@@ -185,7 +185,7 @@ def write_maps(
 
 @as_command(
     "map",
-    "Write the undistortion map alone: for cv2.remap, as an STMap, for ffmpeg.",
+    "Write an undistortion map for cv2.remap, ffmpeg or an STMap.",
     "cubicfish map left.npz --rotate -60,0,0 --hfov 80 --size 800x600",
     "cubicfish map undistort.exr --fit outer",
     "cubicfish map redistort.exr --fit outer --redistort",

@@ -241,7 +241,7 @@ def unproject_points(options: UnprojectOptions, *, run: Run = Run()) -> Points:
 
 @as_command(
     "unproject",
-    "Turn pixels into unit viewing rays in the camera frame.",
+    "Unproject pixels to unit rays in the camera frame.",
     "cubicfish unproject 640,400",
     "echo 640,400 | cubicfish unproject --model lens_a/",
     do=unproject_points,

@@ -243,7 +243,7 @@ def _write_direction(axis: Iterable[float]) -> str:
     cls=LazyGroup,
     own=commands_of(COMMANDS, "target"),
     of="target",
-    short_help="Print or check the calibration target, before any photo.",
+    short_help="Print or check a calibration target.",
     epilog=examples(
         "cubicfish target print --object corner --paper A4 -o my-target/",
         "cubicfish target check target.yaml --draw object.svg",

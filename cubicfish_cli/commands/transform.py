@@ -208,7 +208,7 @@ def transform_files(options: TransformOptions, *, run: Run = Run()) -> Transform
 
 @as_command(
     "transform",
-    "Write the camera for another mode of its sensor: cropped, scaled.",
+    "Adapt the camera to cropped or scaled photos.",
     "cubicfish transform --crop 320,180,1280x720 -o cropped.yaml",
     "cubicfish transform lens_a/ --scale 0.5 -o binned.yaml",
     do=transform_files,

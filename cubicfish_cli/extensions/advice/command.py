@@ -146,7 +146,7 @@ def advise_files(options: AdviseOptions, *, run: Run = Run()) -> AdviceFiles:
 
 @as_command(
     "advise",
-    "Say what to photograph next, and how much it would help.",
+    "Suggest the next photos, and how much they would help.",
     "cubicfish advise",
     "cubicfish advise calibration/ -o advice.svg",
     "cubicfish advise --model camera.yaml --corners corners.csv --target target.yaml",

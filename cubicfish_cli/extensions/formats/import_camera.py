@@ -106,7 +106,7 @@ def import_files(options: ImportOptions, *, run: Run = Run()) -> Imported:
 
 @as_command(
     "import",
-    "Write another tool's camera as camera.yaml.",
+    "Import another tool's camera.",
     "cubicfish import camchain.yaml --camera cam1",
     "cubicfish import calib_results.txt -o lens_a/camera.yaml --max-angle 95",
     "cubicfish import sparse/0/cameras.bin --camera 1",

@@ -69,7 +69,7 @@ def report_files(options: ReportOptions, *, run: Run = Run()) -> ReportFiles:
 
 @as_command(
     "report",
-    "Make one HTML page about a calibration: is it good, and why.",
+    "Make an HTML report of a calibration.",
     "cubicfish report",
     "cubicfish report calibration/ --photos photos/ -o lens.html",
     "cubicfish report --model camera.yaml --target target.yaml --overwrite",

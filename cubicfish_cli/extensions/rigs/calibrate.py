@@ -380,7 +380,7 @@ def _make_contents(
 
 @as_command(
     "calibrate",
-    "Find where cameras stand on one body, from photos of all of them.",
+    "Calibrate several cameras on one body.",
     "cubicfish rig calibrate left/ right/ --target target.yaml",
     "cubicfish rig calibrate left.csv right.csv rear.csv --target target.yaml -o rig",
     "cubicfish rig calibrate left/ right/ --lens left=left_calibration",

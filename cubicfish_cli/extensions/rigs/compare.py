@@ -78,7 +78,7 @@ def compare_rig_files(options: RigCompareOptions, *, run: Run = Run()) -> Compar
 
 @as_command(
     "compare",
-    "Say how far apart two rigs are, camera by camera.",
+    "Compare two rigs, camera by camera.",
     "cubicfish rig compare last_year/rig.yaml rig/rig.yaml",
     "cubicfish rig compare last_year rig --json",
     do=compare_rig_files,

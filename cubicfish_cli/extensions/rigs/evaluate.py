@@ -99,7 +99,7 @@ def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = Run()) -> RigE
 
 @as_command(
     "evaluate",
-    "Measure a rig on other shots: only where it was is fitted.",
+    "Measure a rig on other shots.",
     "cubicfish rig evaluate rig left/ right/ --target target.yaml",
     "cubicfish rig evaluate rig/rig.yaml left.csv right.csv --target target.yaml --max-rms 0.5",
     do=evaluate_rig_files,

@@ -126,7 +126,7 @@ def _find_format(to: str, rig: Rig) -> CameraFormat:
 
 @as_command(
     "export",
-    "Write a rig for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
+    "Export a rig to OpenCV, ROS, Kalibr, COLMAP and others.",
     "cubicfish rig export --to kalibr-omni -o camchain.yaml",
     "cubicfish rig export rig/rig.yaml --to opencv --pair left,right",
     do=export_rig_files,

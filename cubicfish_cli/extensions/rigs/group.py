@@ -14,7 +14,7 @@ COMMANDS = ("calibrate", "evaluate", "compare", "info", "report", "undistort", "
     cls=LazyGroup,
     of="rig",
     own={name: f"cubicfish_cli.extensions.rigs.{name}:command" for name in COMMANDS},
-    short_help="Several cameras on one body: where each stands, and what is done with them.",
+    short_help="Calibrate and use several cameras on one body.",
     epilog=examples(
         "cubicfish rig calibrate left/ right/ --target target.yaml",
         "cubicfish rig info",

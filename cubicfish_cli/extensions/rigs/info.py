@@ -64,7 +64,7 @@ def info_rig_files(options: RigInfoOptions, *, run: Run = Run()) -> RigInfo:
 
 @as_command(
     "info",
-    "Show a rig: where its cameras stand, and how surely.",
+    "Show where a rig's cameras are, and how certain that is.",
     "cubicfish rig info",
     "cubicfish rig info last_year/rig.yaml --json",
     do=info_rig_files,

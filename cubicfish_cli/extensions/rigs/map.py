@@ -174,7 +174,7 @@ def _describe_row_aligned(view: View | ViewOptions | None) -> View | ViewOptions
 
 @as_command(
     "map",
-    "Write maps of two cameras that make their rows agree, for stereo.",
+    "Write stereo rectification maps for two cameras.",
     "cubicfish rig map stereo.npz --pair left,right",
     "cubicfish rig map stereo.npz --model rig --view equirectangular",
     do=map_rig_files,

@@ -54,7 +54,7 @@ def report_rig_files(options: RigReportOptions, *, run: Run = Run()) -> ReportFi
 
 @as_command(
     "report",
-    "Make one HTML page about a rig: is it good, and why.",
+    "Make an HTML report of a rig.",
     "cubicfish rig report",
     "cubicfish rig report rig/rig.yaml -o body.html",
     do=report_rig_files,

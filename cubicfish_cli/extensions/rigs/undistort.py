@@ -113,7 +113,7 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = Run()) -> Un
 
 @as_command(
     "undistort",
-    "Make one picture of the photos of each shot.",
+    "Stitch the photos of each shot.",
     "cubicfish rig undistort left/1.png right/1.png all.png",
     "cubicfish rig undistort shots/ around/ --view cylindrical --hfov 360 --distance 3000",
     do=undistort_rig_files,

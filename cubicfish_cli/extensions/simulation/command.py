@@ -280,7 +280,7 @@ def _photo_bytes(photo: npt.NDArray[np.uint8], form: str) -> bytes:
 
 @as_command(
     "simulate",
-    "Render photos of a target through a camera, with the truth beside them.",
+    "Render photos of a target, with the truth beside them.",
     "cubicfish simulate --target target.yaml --model calibration/camera.yaml -n 12 -o photos/",
     "cubicfish simulate -t target.yaml -m camera.yaml --noise 6 --blur 1.5 --exposure 0.3",
     "cubicfish simulate -t target.yaml -m camera.yaml --poses photos/true_poses.csv -o again/",
