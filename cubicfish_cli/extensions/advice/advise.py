@@ -40,6 +40,7 @@ class Advice:
             :data:`MOST_PHOTOS` do not reach it, or if that is not known.
         proposals: the next photos, in order.
         notes: remarks: what is not known and why, or what to keep in mind.
+        knowledge: what the photos so far say; None if the poses are not known.
 
     """
 
@@ -54,6 +55,7 @@ class Advice:
     photos_needed: int | None
     proposals: tuple[Proposal, ...]
     notes: tuple[Finding, ...]
+    knowledge: Knowledge | None
 
     @property
     def enough(self) -> bool:
@@ -144,6 +146,7 @@ def advise(
         photos_needed=needed,
         proposals=found,
         notes=tuple(notes),
+        knowledge=knowledge,
     )
 
 

@@ -12,4 +12,5 @@ EXTENSION = Extension(
             needs=REPORT,
         )
     },
+    needs=("advice", "native"),
 )

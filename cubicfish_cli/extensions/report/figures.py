@@ -6,6 +6,7 @@ import numpy as np
 
 from cubicfish import CubicCamera, FloatArray, aligned_difference
 from cubicfish.models import angle_from_axis
+from cubicfish.sufficiency import CoverageGaps
 from cubicfish_cli.inputs.calibration_facts import ErrorFacts, Facts
 from cubicfish_cli.render.difference_picture import round_up
 from cubicfish_cli.render.pages import figures as page
@@ -49,10 +50,7 @@ def coverage_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     keys = [page.Key(kind="line", colour=INK, text="where the camera may be trusted")]
     empty = int(cells.empty.sum())
     if empty:
-        height, width = cells.empty.shape
-        shade = np.where(cells.empty[..., None], [0.78, 0.31, 0, 0.22], 0.0)
-        end = np.array([width, height]) * cells.cell - 0.5
-        plot.image(shade, (-0.5, end[1]), (end[0], -0.5))
+        shade_empty(plot, errors.gaps)
         keys.append(page.Key(kind="area", colour=page.RED, text="no corner here"))
     shown = page.some(len(pixel), page.MOST_DOTS)
     boards = pairs.boards if 1 < len(pairs.boards) <= len(page.BOARD_COLOURS) else ("corner",)
@@ -64,7 +62,7 @@ def coverage_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     caption = f"Corners cover {100 * share:.0f} % of the field." if math.isfinite(share) else ""
     if empty:
         caption += " Nothing has been checked where there are no corners."
-    _draw_outline(plot, facts)
+    draw_outline(plot, facts)
     return page.finished(
         plot,
         name="coverage",
@@ -91,7 +89,7 @@ def vectors_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     ends = np.stack([start, start + zoom * errors.residual[shown]], axis=1)
     plot.lines(ends, page.BLUE, 0.8)
     plot.dots(start, INK, 1.5)
-    _draw_outline(plot, facts)
+    draw_outline(plot, facts)
     typical = float(np.percentile(length, 95))
     return page.finished(
         plot,
@@ -122,7 +120,7 @@ def places_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     top = round_up(float(np.nanpercentile(value, 95)))
     plot = picture_plot(facts.camera.image_size)
     plot.image(colours(value / top), (-0.5, edges[1][-1]), (edges[0][-1], -0.5))
-    _draw_outline(plot, facts)
+    draw_outline(plot, facts)
     return page.finished(
         plot,
         colour_bar(plot, (0, top), "px RMS", beyond=bool(np.nanmax(value) > top)),
@@ -260,7 +258,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> page.Drawn | None:
     width, height = camera.image_size
     corners = (-0.5, height - 0.5), (width - 0.5, -0.5)
     plot.image(colours((band + 0.5) / bands), *corners, clip=field)
-    _draw_outline(plot, facts)
+    draw_outline(plot, facts)
     figures = facts.fit.uncertainty.field
     return page.finished(
         plot,
@@ -280,7 +278,16 @@ def _stack(x: FloatArray, y: FloatArray) -> FloatArray:
     return np.stack([x, y], axis=-1)
 
 
-def _draw_outline(plot: Plot, facts: Facts) -> None:
+def shade_empty(plot: Plot, gaps: CoverageGaps) -> None:
+    """Shade the cells of the field that hold no corner."""
+    cells = gaps.cells
+    height, width = cells.empty.shape
+    shade = np.where(cells.empty[..., None], [0.78, 0.31, 0, 0.22], 0.0)
+    end = np.array([width, height]) * cells.cell - 0.5
+    plot.image(shade, (-0.5, end[1]), (end[0], -0.5))
+
+
+def draw_outline(plot: Plot, facts: Facts) -> None:
     """Draw where the camera may be trusted."""
     if len(facts.outline) > 2:
         plot.lines([[*facts.outline, facts.outline[0]]], INK, 0.9)

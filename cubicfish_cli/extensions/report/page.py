@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
+from base64 import b64encode
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,12 +14,14 @@ import numpy as np
 
 from cubicfish import CubicCamera, Verdict
 from cubicfish.judge import Severity
+from cubicfish_cli.extensions.report.acting import live_view, work_out_changes
 from cubicfish_cli.extensions.report.figures import all_figures, arrow_zoom
 from cubicfish_cli.extensions.report.pictures import MOST_CARDS, all_pictures
 from cubicfish_cli.extensions.report.scene import scene_figures
 from cubicfish_cli.inputs.calibration_facts import Facts, facts_of_fit, matched
 from cubicfish_cli.render.pages.template import template
 from cubicfish_cli.words import camera as in_words
+from cubicfish_cli.words.phrases import shell_line
 from cubicfish_cli.words.sentences import render
 
 if TYPE_CHECKING:
@@ -44,15 +48,27 @@ def report_html(facts: Facts) -> str:
 
     The same facts give the same page, to the byte.
     """
-    figures = {**all_figures(facts), **scene_figures(facts)}
+    changes, (in_space, scene) = work_out_changes(facts), scene_figures(facts)
+    figures = {**all_figures(facts), **in_space, **changes.next_ones}
     zoom = arrow_zoom(facts, facts.errors) if facts.errors else 1.0
     pictures = all_pictures(facts, zoom)
     absent = [*facts.absent, *pictures.problems]
     if not isinstance(facts.camera, CubicCamera):
         absent.append(_POINT_ABSENT)
     names = [photo.image for photo in facts.photos]
-    origin = facts.known.origin
+    origin, shown = facts.known.origin, pictures.example
+    script = Path(__file__).with_name("report.js").read_text(encoding="utf-8")
     return template(Path(__file__).with_name("report.html")).render(
+        script=script,
+        digest=b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        acts={
+            "command": f"{origin.command or 'cubicfish calibrate'} --overwrite",
+            "scene": scene,
+            "view": live_view(facts, shown.name) if shown else None,
+        },
+        next_ones=list(changes.next_ones),
+        changes=changes,
+        quoted=shell_line,
         facts=facts,
         known=facts.known,
         lens=[(name.capitalize(), words) for name, words in in_words.lens_rows(facts.known)],

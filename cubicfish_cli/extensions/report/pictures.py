@@ -30,6 +30,8 @@ MOST_CARDS = 12
 # Reading photos is what takes time: a fifth of a second for each 12 million pixels.
 _MOST_PIXELS = 150_000_000
 _THUMBNAIL, _CARD, _WIDE = 144, 640, 720
+# The photo that a reader may look around in, and its quality.
+_LIVE, _LIVE_QUALITY = 1280, 80
 # Colours of what is drawn over photos, as report.html has them, BGR.
 _FOUND, _ERROR, _DROPPED = (233, 180, 86), (0, 160, 240), (54, 90, 255)
 _QUALITY = 72
@@ -167,7 +169,7 @@ def _make_example(facts: Facts, photo: PhotoRecord, picture: npt.NDArray[Any]) -
         return None
     return Example(
         name=photo.image,
-        before=data_uri(thumbnail(picture, _WIDE), _QUALITY),
+        before=data_uri(thumbnail(picture, _LIVE), _LIVE_QUALITY),
         after=data_uri(thumbnail(after, _WIDE), _QUALITY),
         view=f"{view.kind}, {view.hfov_deg:.0f}° wide",
     )

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from cubicfish_cli.render.pages.plot import INK, Space
 
 # Size of a drawn camera, as a share of all that is drawn.
 _CAMERA = 0.06
+_MOST_POINTS, _MOST_CAMERAS = 1000, 1000  # of a scene that turns, and is drawn many times
 _VIEWS = (
     ("scene-side", "Where the photos were taken from", 25, -50),
     ("scene-top", "The same from above", 89.9, -90),
@@ -41,6 +43,24 @@ class _Scene:
         """All of it, (N, 3)."""
         plates = [plate for plate, _ in self.plates]
         return np.concatenate([*plates, *self.points, self.centre])
+
+    def as_record(self, images: Sequence[str]) -> dict[str, Any]:
+        """Return what the page's script draws, in shares of the scene's size about its middle."""
+        low, high = self.everything.min(axis=0), self.everything.max(axis=0)
+        size = float((high - low).max() or 1.0)
+
+        def near(points: FloatArray) -> list[list[float]]:
+            return [
+                [round(x, 4) for x in row] for row in ((points - (low + high) / 2) / size).tolist()
+            ]
+
+        cameras = page.some(len(self.centre), _MOST_CAMERAS).tolist()
+        strokes = page.camera_strokes(self.centre, self.rotation, _CAMERA * size)
+        return {
+            "plates": [[colour, near(plate)] for plate, colour in self.plates],
+            "points": [near(one[page.some(len(one), _MOST_POINTS)]) for one in self.points],
+            "cameras": [[images[one], near(strokes[one])] for one in cameras],
+        }
 
     def drawn(self, elevation: float, azimuth: float) -> Space:
         """Draw it from a side."""
@@ -76,11 +96,16 @@ def _make_scene(facts: Facts, poses: Poses, colours: Sequence[str]) -> _Scene:
     )
 
 
-def scene_figures(facts: Facts) -> dict[str, page.Drawn]:
-    """Draw the target with the photos' places from two sides, by name; none if no pose is known."""
+def scene_figures(facts: Facts) -> tuple[dict[str, page.Drawn], dict[str, Any] | None]:
+    """Draw the target with the photos' places from two sides; none if no pose is known.
+
+    Returns:
+        The figures by their names, and what the page's script draws from all sides.
+
+    """
     poses = Poses.of_photos(facts.fit.poses, [*facts.fit.poses])
     if poses is None:
-        return {}
+        return {}, None
     boards = () if facts.target is None else facts.target.boards
     told_apart = len(boards) <= len(page.BOARD_COLOURS)
     colours = page.BOARD_COLOURS[: len(boards)] if told_apart else (page.BLUE,) * len(boards)
@@ -90,7 +115,7 @@ def scene_figures(facts: Facts) -> dict[str, page.Drawn]:
         for board, colour in zip(boards * told_apart, colours, strict=False)
     ]
     count = len(scene.centre)
-    return {
+    drawn = {
         name: page.finished(
             scene.drawn(elevation, azimuth),
             name=name,
@@ -107,3 +132,4 @@ def scene_figures(facts: Facts) -> dict[str, page.Drawn]:
         )
         for name, title, elevation, azimuth in _VIEWS
     }
+    return drawn, scene.as_record([*facts.fit.poses])

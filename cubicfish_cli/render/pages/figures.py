@@ -84,12 +84,17 @@ def draw_cameras(
     space: Space, centre: FloatArray, rotation: FloatArray, size: float, colours: Sequence[str]
 ) -> None:
     """Draw small pyramids at (N, 3) that open the way cameras look, rotations (N, 3, 3)."""
+    strokes = camera_strokes(centre, rotation, size)
+    for colour in dict.fromkeys(colours):
+        own = [stroke for stroke, its in zip(strokes, colours, strict=True) if its == colour]
+        space.lines(own, colour, 0.8)
+
+
+def camera_strokes(centre: FloatArray, rotation: FloatArray, size: float) -> FloatArray:
+    """Return the lines (N, 12, 3) of small pyramids, as :func:`draw_cameras` draws them."""
     a, b = size * _HALF_FIELD, 0.75 * size * _HALF_FIELD
     base = np.array([[-a, -b, size], [a, -b, size], [a, b, size], [-a, b, size]])
     tip = np.zeros(3)
     path = np.array([tip, base[0], base[1], tip, base[1], base[2], tip, base[2], base[3], tip,
                      base[3], base[0]])  # fmt: skip
-    strokes = np.einsum("nji,kj->nki", rotation, path) + centre[:, None]
-    for colour in dict.fromkeys(colours):
-        own = [stroke for stroke, its in zip(strokes, colours, strict=True) if its == colour]
-        space.lines(own, colour, 0.8)
+    return np.asarray(np.einsum("nji,kj->nki", rotation, path) + centre[:, None])
