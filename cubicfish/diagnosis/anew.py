@@ -17,9 +17,9 @@ from cubicfish.types import FloatArray
 
 # What a photo is off by before its cause is worth a word, pixels of a photo of 2000.
 _MATTERS_PX = 0.25
-# The cause explains this share of the squared error, and so many times as much as any other for
-# each of its terms, by what it leaves (an F ratio).
-_MOST, _TIMES = 0.5, 2.0
+# The cause leaves little of the squared error: it explains this share, and so many times as much as
+# any other for each of its terms, by what it leaves (an F ratio).
+_MOST, _TIMES = 2 / 3, 2.0
 # Singular values below this share of the largest are of terms that the photo does not show.
 _RCOND = 1e-6
 # What boards bend by: two bends and a twist.
