@@ -37,8 +37,7 @@ from looking import look_at
 from cubicfish import Target
 from cubicfish.find import find_grids
 from cubicfish.find.detection import finder
-from cubicfish_cli.extensions.simulation.simulate import render
-from cubicfish_cli.viewpoints.truth import project_corners
+from cubicfish.scene import Scene
 
 NEAR, FAR = 1.0, 3.0
 # Image, corners that must be found, all corners that may be found.
@@ -139,8 +138,8 @@ def rendered() -> Iterator[Photo]:
             [((380, 400, 380), (120, 100, 120)), ((500, 300, 250), (200, 200, 100))]
         ):
             pose = look_at(eye, aim, roll=0.7 * k)
-            truth = project_corners(target, lens, pose, size)
-            image = render(target, lens.unproject, pose, size, seed=k)
+            scene = Scene(target=target, lens=lens, image_size=size)
+            truth, image = scene.corners(pose), scene.photo(pose, number=k)
             inside = np.isfinite(truth.pixel).all(axis=1)
             yield image, truth.pixel[truth.visible], truth.pixel[inside]
 

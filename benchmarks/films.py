@@ -50,7 +50,7 @@ from cubicfish.files import FrameName
 from cubicfish.models import cone_rays
 from cubicfish.observe import find_corners
 from cubicfish.photos import Photo, find_photos
-from cubicfish_cli.extensions.simulation.command import LookOptions
+from cubicfish.scene import Look
 from cubicfish_cli.films.source import decode, opened
 
 SAMPLE = Path(__file__).resolve().parents[1] / "sample_data" / "target.yaml"
@@ -181,7 +181,7 @@ def main() -> None:
                 path = hand_path(thing, made, size, args.seconds, seed=args.seed)
                 taken = FilmOptions(rate=args.rate)
                 film = Film(target=thing, lens=made, image_size=size, path=path, taken=taken)
-                look = LookOptions(seed=args.seed)
+                look = Look(seed=args.seed)
                 film.write(folder / "film.mp4", round(args.seconds * args.rate), look)
             number, of, chosen, all_of, equal, *times = measured(
                 folder, target, made, args.most, args.every

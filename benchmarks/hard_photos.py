@@ -34,15 +34,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 
 import cv2
 import numpy as np
+from synthetic import TrueCorners
 from synthetic_lenses import SYNTHETIC_LENSES, SyntheticLens, synthetic_lens
 
 from cubicfish import CubicfishError, Target, detect
 from cubicfish.find import find_grids, find_marked_corners
+from cubicfish.scene import Look, Scene
 from cubicfish.target import Markers
-from cubicfish_cli.extensions.simulation.simulate import RayGrid, render, room_background
-from cubicfish_cli.viewpoints.truth import Pose, TrueCorners, project_corners
 
 SIZE = (640, 480)
+Pose = tuple[np.ndarray, np.ndarray]
 COLUMNS, ROWS, SQUARE = 10, 7, 30.0
 A_LENS = 2  # photos, and one of them with markers too
 FAR_PX = 3.0
@@ -62,7 +63,7 @@ class Hard:
     quality: int | None = None
     cut: bool = False
     near_px: float = 1.0
-    background: Callable[[np.ndarray], np.ndarray] = room_background
+    background: Callable[[np.ndarray], np.ndarray] | None = None
     effect: Effect | None = None
 
 
@@ -209,7 +210,7 @@ def chosen_pose(case: Hard, lens: SyntheticLens, rng: np.random.Generator) -> Po
         # Slant, perspective and the rim make squares smaller than the axis would have them.
         distance = lens.focal[0] * SQUARE / (rng.uniform(*case.step_px) * rng.uniform(1, 1.6))
         pose = cv2.Rodrigues(turn)[0].ravel(), distance * ray - turn @ middle
-        seen = project_corners(target, lens, pose, SIZE)
+        seen = Scene(target=target, lens=lens, image_size=SIZE).corners(pose)
         whole = seen.visible.all()
         if case.cut != (not whole) or seen.visible.mean() < 0.4:
             continue
@@ -231,24 +232,14 @@ class Shot:
     readable: np.ndarray
 
 
-def taken(case, lens, rays, pose, seed, readable=None) -> Shot:
+def taken(case, lens, pose, seed, readable=None) -> Shot:
     """A photo of the plain board, or, where it is known what can be read, of the marked one."""
     target = board(readable is not None)
     rng = np.random.default_rng(seed)
-    clean = render(
-        target,
-        rays,
-        pose,
-        SIZE,
-        noise=0,
-        blur=case.blur,
-        vignetting=0.3,
-        exposure=case.exposure,
-        light_from=cv2.Rodrigues(pose[0])[0].T @ [-0.35, -0.5, -0.79],
-        background=case.background,
-        ray_starts=lens.ray_starts,
-    ).astype(float)
-    seen = project_corners(target, lens, pose, SIZE)
+    look = Look(noise=0, blur=case.blur, vignetting=0.3, exposure=case.exposure)
+    scene = Scene(target=target, lens=lens, image_size=SIZE)
+    clean = scene.photo(pose, look, background=case.background).astype(float)
+    seen = scene.corners(pose)
     hidden = np.zeros(clean.shape, bool)
     if case.effect is not None:
         clean, hidden = case.effect(clean, seen, rng)
@@ -402,7 +393,6 @@ def main() -> None:
     cv2.setNumThreads(1)
     lenses = SYNTHETIC_LENSES[:2] if arguments.quick else SYNTHETIC_LENSES
     made = {name: synthetic_lens(name, SIZE) for name in lenses}
-    rays = {name: RayGrid.of(lens.unproject, SIZE) for name, lens in made.items()}
     head = f"{'':22} {'':20} recall false grids   bias spread     s  named/wrong"
     print(head)
     for number, case in enumerate(CASES):
@@ -419,7 +409,7 @@ def main() -> None:
                     if marked and k % 2:
                         continue
                     known = shots[-1].readable if marked else None
-                    shot = taken(case, made[name], rays[name], pose, seed, known)
+                    shot = taken(case, made[name], pose, seed, known)
                     if arguments.save:
                         place = f"{case.name}_{name}_{k}_{'m' if marked else 'p'}.png"
                         cv2.imwrite(f"{arguments.save}/{place.replace(' ', '_')}", shot.photo)

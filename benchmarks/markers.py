@@ -21,13 +21,13 @@ import cv2
 import numpy as np
 from asymmetric_lens import AsymmetricLens
 from looking import look_at
+from synthetic import Pose, TrueCorners
 
 from cubicfish import Target
 from cubicfish.find import find_marked_corners
 from cubicfish.models import angle_from_axis
+from cubicfish.scene import Look, Scene
 from cubicfish.target import BOARD_TYPES, Markers
-from cubicfish_cli.extensions.simulation.simulate import render
-from cubicfish_cli.viewpoints.truth import Pose, TrueCorners, project_corners
 
 LENS = AsymmetricLens(
     image_size=(1280, 1280),
@@ -170,11 +170,10 @@ def timed(find: Callable[..., Any], *arguments: object) -> tuple[Any, float]:
 def measure(target: Target, poses: tuple[Pose, ...]) -> dict[str, list]:
     """Per way of finding: a list of (found, error, seconds, true corners)."""
     rows: dict[str, list] = {}
+    scene = Scene(target=target, lens=LENS, image_size=LENS.image_size)
     for seed, pose in enumerate(poses):
-        photo = render(
-            target, LENS.unproject, pose, LENS.image_size, supersample=3, blur=0.6, seed=seed
-        )
-        seen = project_corners(target, LENS, pose, LENS.image_size, neighbourhood=0.3)
+        photo = scene.photo(pose, Look(blur=0.6), number=seed)
+        seen = scene.corners(pose, neighbourhood=0.3)
         charuco = target.boards[0].kind == "charuco"
         theirs, seconds = timed(opencv_charuco if charuco else opencv_tags, photo, target)
         ours, own_seconds = timed(find_marked_corners, photo, target)

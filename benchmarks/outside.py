@@ -34,7 +34,7 @@ from synthetic_lenses import SYNTHETIC_LENSES, synthetic_lens
 
 from cubicfish import CubicfishError, Target, aligned_difference, calibrate
 from cubicfish.models import cone_rays
-from cubicfish_cli.extensions.simulation.simulate import chosen_poses
+from cubicfish.scene import Scene
 
 SIZE = TRUE_LENS.image_size
 INSIDE = replace(TRUE_LENS, fx=224.0, fy=224.3)
@@ -121,10 +121,8 @@ def main() -> None:
     for name in arguments.lens:
         lens = LENSES[name]
         most = max(arguments.photos)
-        poses = [
-            tuple(chosen_poses(target, lens, SIZE, most, seed=seed))
-            for seed in range(arguments.seeds)
-        ]
+        scene = Scene(target=target, lens=lens, image_size=SIZE)
+        poses = [tuple(scene.choose_poses(most, seed=seed)) for seed in range(arguments.seeds)]
         for kind in arguments.errors:
             for count in arguments.photos:
                 rows = []

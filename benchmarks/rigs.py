@@ -25,8 +25,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
+import cv2
 import numpy as np
 from hand_held import hand_held
+from looking import look_at
 from simulated import CornerErrors
 from simulated_rig import RigTruth, combined, simulated_rig
 from synthetic_lenses import SyntheticLens, synthetic_lens
@@ -44,8 +46,8 @@ from cubicfish import (
 )
 from cubicfish.models import cone_rays
 from cubicfish_cli.extensions.rigs.tables import load_times
-from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 
+Pose = tuple[np.ndarray, np.ndarray]
 NOISE = CornerErrors(noise=0.1, shared=0.0, spread=0.0)
 
 
@@ -90,15 +92,14 @@ def placed(yaw_deg: float, radius: float = 100.0) -> Pose:
     """camera_from_body of a camera that looks out from a ring about the body's y axis."""
     yaw = np.deg2rad(yaw_deg)
     forward = np.array([np.sin(yaw), 0.0, np.cos(yaw)])
-    right = np.array([np.cos(yaw), 0.0, -np.sin(yaw)])
-    return pose_of_matrix(np.stack([right, [0.0, 1.0, 0.0], forward]), radius * forward)
+    return look_at(radius * forward, (radius + 1) * forward, up=(0, -1, 0))
 
 
 def ring(yaws: list[float], radius: float = 100.0) -> list[Pose]:
     """camera_from_rig: the first camera's frame is the rig's."""
     bodies = [placed(yaw, radius) for yaw in yaws]
-    turn = rotation_matrix(bodies[0][0])
-    back = pose_of_matrix(turn.T, np.zeros(3))[0], -turn.T @ bodies[0][1]
+    vector, shift = bodies[0]
+    back = -vector, -cv2.Rodrigues(vector)[0].T @ shift
     return [combined(one, back) for one in bodies]
 
 
@@ -170,7 +171,7 @@ def place_errors(rig: Rig, truth: RigTruth) -> list[np.ndarray]:
     for number in range(1, len(turns)):
         one, (vector, shift) = rig.cameras[number], truth.camera_from_rig[number]
         rotation = turns[number] @ one.rotation @ turns[0].T
-        off = rotation @ rotation_matrix(vector).T
+        off = rotation @ cv2.Rodrigues(vector)[0].T
         turn = np.array([off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1]]) / 2
         errors.append(np.concatenate([turn, turns[number] @ one.translation - shift]))
     return errors

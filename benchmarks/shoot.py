@@ -29,6 +29,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
+import cv2
 import numpy as np
 from outside import INSIDE, SIZE, board
 from simulated import CornerErrors, simulated_corners
@@ -36,10 +37,9 @@ from synthetic_lenses import SYNTHETIC_LENSES, synthetic_lens
 
 from cubicfish import CubicfishError, Observations, aligned_difference
 from cubicfish.models import cone_rays
+from cubicfish.scene import Scene, Viewpoint
 from cubicfish.sufficiency import Goal
 from cubicfish_cli.extensions.shoot.guidance import Guide, quick_camera
-from cubicfish_cli.viewpoints.truth import pose_of_matrix, rotation_matrix
-from cubicfish_cli.viewpoints.views import Viewpoint, sample_views, view_from
 
 LENSES = {"inside": INSIDE, **{name: synthetic_lens(name, SIZE) for name in SYNTHETIC_LENSES}}
 ERRORS = CornerErrors(noise=0.1, shared=0, spread=0)
@@ -87,15 +87,14 @@ def true_error(pairs: Observations, lens) -> float:
     return float(np.percentile(np.nan_to_num(length, nan=np.inf), 95))
 
 
-def shaken(view: Viewpoint, lens, rng: np.random.Generator) -> Viewpoint:
+def shaken(view: Viewpoint, scene: Scene, rng: np.random.Generator) -> Viewpoint:
     """The view from a pose that a hand meant to be this one, the board still whole in it."""
+    turn, shift = view.pose
+    away = np.linalg.norm(shift)
     for _ in range(30):
-        turn = rotation_matrix(np.radians(TURN_DEG) * rng.standard_normal(3))
-        matrix = turn @ rotation_matrix(view.pose[0])
-        moved = view.pose[1] * (1 + SHIFT * rng.standard_normal()) + SHIFT * np.linalg.norm(
-            view.pose[1]
-        ) * rng.standard_normal(3)
-        found = view_from(board(), lens, pose_of_matrix(matrix, -matrix.T @ moved), SIZE)
+        matrix = cv2.Rodrigues(np.radians(TURN_DEG) * rng.standard_normal(3))[0]
+        turned = cv2.Rodrigues(matrix @ cv2.Rodrigues(np.asarray(turn))[0])[0].ravel()
+        found = scene.view((turned, shift + SHIFT * away * rng.standard_normal(3)))
         if found is not None and found.whole:
             return found
     return view
@@ -129,7 +128,8 @@ def one_draw(job: tuple[str, int, float]) -> dict[str, Done]:
     name, seed, goal_px = job
     warnings.simplefilter("ignore")
     lens, target = LENSES[name], board()
-    views = sample_views(target, lens, SIZE, POSES, seed=1000 + seed)
+    scene = Scene(target=target, lens=lens, image_size=SIZE)
+    views = scene.views(POSES, seed=1000 + seed)
     fields = np.any([filled(view) for view in views], axis=0)
     rng = np.random.default_rng((seed, 7))
     guide = Guide(target, SIZE, goal_px)
@@ -137,7 +137,7 @@ def one_draw(job: tuple[str, int, float]) -> dict[str, Done]:
     def guided(shots: list[Viewpoint], said) -> Viewpoint:
         if said.view is None:
             return views[rng.integers(len(views))]
-        meant = view_from(target, lens, said.view.pose, SIZE)
+        meant = scene.view(said.view.pose)
         if meant is not None and meant.whole:
             return meant
         return nearest(views, said.lens.project(said.view.seen.camera))
@@ -160,7 +160,7 @@ def one_draw(job: tuple[str, int, float]) -> dict[str, Done]:
         shots, parts, enough = list[Viewpoint](), list[Observations](), False
         said = guide.after(None)
         while len(shots) < MOST and not enough:
-            shots.append(shaken(choose(shots, said), lens, rng))
+            shots.append(shaken(choose(shots, said), scene, rng))
             part, _ = simulated_corners(
                 lens, target, 1, seed=int(rng.integers(1 << 30)), errors=ERRORS,
                 image_size=SIZE, poses=(shots[-1].pose,),

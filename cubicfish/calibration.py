@@ -16,6 +16,7 @@ from cubicfish.fit import calibrate as fitting
 from cubicfish.fit.calibration import Calibration
 from cubicfish.fit.model_selection import RefineTarget
 from cubicfish.io.camera_yaml import Calibrated, CameraFile
+from cubicfish.judge.finding import Finding
 from cubicfish.listener import Listener
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.target.observations import Observations
@@ -41,6 +42,18 @@ def observed(given: Observations | Detection, target: Target | None) -> Observat
             "Observations.from_points makes them of arrays"
         )
     return seen.checked(target)
+
+
+def _placed(pairs: Observations) -> tuple[Observations, list[Finding]]:
+    """The same corners, with the places of boards that their target does not know."""
+    target = pairs.target
+    if target is None or not target.unplaced:
+        return pairs, []
+    from cubicfish.observe.places import told_of_places, with_places  # for such targets alone
+
+    placed = with_places(pairs, target)
+    seen = {pairs.boards[index] for index in set(pairs.board.tolist())}
+    return pairs.with_target(placed), told_of_places(target, placed, seen)
 
 
 def calibrate(
@@ -81,8 +94,8 @@ def calibrate(
             f"refine_target {quoted(refine_target)} is not known: "
             f"{did_you_mean(str(refine_target), get_args(RefineTarget))}"
         )
-    pairs = observed(corners, target)
-    known = corners.findings if isinstance(corners, Detection) else ()
+    pairs, told = _placed(observed(corners, target))
+    known = [*(corners.findings if isinstance(corners, Detection) else ()), *told]
     return fitting.calibrate(
         pairs,
         target=pairs.target,
@@ -113,7 +126,7 @@ def evaluate(
     """
     from cubicfish.fit.evaluate import evaluate as measure  # for this alone
 
-    return measure(camera, observed(corners, target))
+    return measure(camera, _placed(observed(corners, target))[0])
 
 
 def save_camera(

@@ -38,6 +38,8 @@ class Event(StrEnum):
     AMBIGUOUS = "ambiguous"
     WITHOUT_POSE = "without_pose"
     VIDEO_TURNED = "video_turned"
+    VIDEO_INTERLACED = "video_interlaced"
+    VIDEO_REDUCED = "video_reduced"
     RENDERED_FLAT = "rendered_flat"
     RENDERING = "rendering"
 

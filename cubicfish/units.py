@@ -1,5 +1,7 @@
 """Units of length that people write in target.yaml."""
 
+from cubicfish.wording import quoted
+
 _PREFIXES = {"milli": 1.0, "centi": 10.0, "": 1000.0}
 MILLIMETRES = {
     "mm": 1.0,
@@ -19,6 +21,18 @@ MILLIMETRES = {
         for word in ("metre", "metres", "meter", "meters")
     },
 }
+
+_NAMELESS = ("square", "squares", "square side", "unit", "units")
+
+
+def explain_unknown(units: str) -> str:
+    """What to write in place of units that are not known, or "" for those that are.
+
+    Where nobody has measured, lengths may be counted in squares.
+    """
+    if units.lower() in (*MILLIMETRES, *_NAMELESS):
+        return ""
+    return f"{quoted(units)} is not known: write mm, cm, m, in or ft, or squares if none is known"
 
 
 def times(units: str | None, others: str | None) -> float | None:

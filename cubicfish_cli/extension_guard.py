@@ -244,12 +244,18 @@ def _read_formats(extension: str, record: Extension) -> tuple[CameraFormat, ...]
             raise _BadExtension(
                 f"{record.formats}: {quoted(name)} is no format: {what}"
             ) from problem
+        is_written = one.written and one.write and one.file_name
+        if not is_written and (one.written or not one.read):
+            raise _BadExtension(
+                f"{record.formats}: {quoted(name)} needs 'read', or 'write', 'written' and "
+                "'file_name'"
+            )
         for written, keys in one.written.items():
-            if not {"what", "lens"} <= keys.keys():
+            if not one.exact and not {"what", "lens"} <= keys.keys():
                 raise _BadExtension(f"{record.formats}: {quoted(written)} needs 'what' and 'lens'")
-        functions = (one.read, one.write_rig, one.looks_like, one.binary_looks_like)
-        lenses = (keys["lens"] for keys in one.written.values())
-        for at in (one.write, *lenses, *filter(None, functions)):
+        functions = (one.read, one.write, one.write_rig, one.looks_like, one.binary_looks_like)
+        lenses = (keys.get("lens", "") for keys in one.written.values())
+        for at in filter(None, (*lenses, *functions)):
             _check_place(at)
         made.append(one)
     return tuple(made)

@@ -16,6 +16,7 @@ GROUP = "cubicfish.extensions"
 TABLE = {
     "films": "cubicfish_cli.extensions.films.extension:EXTENSION",
     "formats": "cubicfish_cli.extensions.formats.extension:EXTENSION",
+    "native": "cubicfish_cli.extensions.native.extension:EXTENSION",
     "report": "cubicfish_cli.extensions.report.extension:EXTENSION",
     "advice": "cubicfish_cli.extensions.advice.extension:EXTENSION",
     "printing": "cubicfish_cli.extensions.printing.extension:EXTENSION",
@@ -37,16 +38,20 @@ class CameraFormat:
         read: path -> lens, with ``camera`` where it :attr:`holds_several` and ``image_size`` where
             it is :attr:`sizeless`; "" where files are only written.
         written: by the names that it is written under: ``what`` comes of it, for people; the
-            ``lens`` that the file holds; and ``front_only``, what reads it and divides by z first:
-            it sees nothing behind, whatever the lens.
-        write: :class:`~cubicfish_cli.foreign.file_contents.PlacedLens` -> text. Raises
-            :class:`~cubicfish.errors.CameraFileError` for values that the format does not
-            take.
+            ``lens`` that the file holds, which exact ones have not; and ``front_only``, what reads
+            it and divides by z first: it sees nothing behind, whatever the lens.
+        write: :class:`~cubicfish_cli.foreign.file_contents.PlacedLens` -> text; "" where files
+            are only read. Raises :class:`~cubicfish.errors.CameraFileError` for values that the
+            format does not take.
+        exact: whether its files hold the camera itself, so that no lens is fitted: ``write`` is
+            then (calibration, the name it is written under, what the user calls it) -> content.
         write_rig: :class:`~cubicfish_cli.foreign.file_contents.LensRig` -> text, or texts by the
             names of files; "" where it holds no rigs.
         file_name, rig_name: what its file, and that or the folder of a rig, are usually called.
         holds_several: whether a file holds several cameras, of which one is named.
         sizeless: whether a file may not say how large the photos are.
+        lensless: whether a file may not say whose its four coefficients are: ``lens``, a fisheye's
+            or a pinhole's, is given where the user says so.
         marks: sets of words of which one is in every file; files are recognised by them.
         vague: whether others' files may hold the words too, so that theirs are looked for first.
         looks_like: text -> whether it is a file without such words; asked after all words.
@@ -60,13 +65,15 @@ class CameraFormat:
     name: str
     reads: str = ""
     read: str = ""
-    written: Mapping[str, Mapping[str, str]]
-    write: str
+    written: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    write: str = ""
+    exact: bool = False
     write_rig: str = ""
-    file_name: str
+    file_name: str = ""
     rig_name: str = ""
     holds_several: bool = False
     sizeless: bool = False
+    lensless: bool = False
     marks: Sequence[Sequence[str]] = ()
     vague: bool = False
     looks_like: str = ""

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from cubicfish import (
     CorrespondenceError,
     Detection,
@@ -23,6 +25,7 @@ from cubicfish_cli.inputs.paths import (
     is_recording,
     is_video,
     named_photos,
+    not_excluded,
 )
 from cubicfish_cli.inputs.target_source import TargetSource
 from cubicfish_cli.words.phrases import plural
@@ -78,6 +81,17 @@ class Inputs:
         corners = self.corners and fitted.named(self.corners)
         return replace(self, pairs=fitted.named(self.pairs), corners=corners)
 
+    def without(self, exclude: Sequence[Path]) -> Inputs:
+        """The same of a table without the rows of some photos.
+
+        Raises:
+            PhotoError: as :func:`not_excluded`.
+
+        """
+        photos = [(name, Path(name)) for name in self.pairs.images]
+        pairs = self.pairs.of_photos(np.array(not_excluded(photos, exclude)))
+        return replace(self, pairs=pairs, corners=self.corners and pairs)
+
     def nominal(self, target: TargetSource) -> str | None:
         """The text of a target that is in no file yet."""
         thing = self.pairs.target
@@ -100,6 +114,8 @@ def load_inputs(
     *,
     image_size: tuple[int, int] | None = None,
     most: int | None = None,
+    exclude: Sequence[Path] = (),
+    unplaced: bool = False,
 ) -> Inputs:
     """Read pairs from photos, one corners.csv or one correspondences.csv, which are checked.
 
@@ -110,20 +126,26 @@ def load_inputs(
         run: how the work is done.
         image_size: (width, height) of the photos, for tables that do not say.
         most: of more photos than these, those that add most are taken.
+        exclude: photos that are left out, by their names or by patterns.
+        unplaced: whether the places of the target's boards may be unknown.
 
     Raises:
         CubicfishError: an input cannot be used.
 
     """
     if kind == "photos":
-        loaded = _find_in_photos(inputs, target, run, most)
+        loaded = _find_in_photos(inputs, target, run, most, exclude, unplaced)
     elif kind == "corners":
         target_file, file = target.fingerprint(), Fingerprint.of(inputs[0])
-        corners = load_corners(inputs[0], target.load(run.listener)[0], image_size=image_size)
+        corners = load_corners(
+            inputs[0], target.load(run.listener, unplaced=unplaced)[0], image_size=image_size
+        )
         loaded = Inputs(pairs=corners, corners=corners, files=(file,), target_file=target_file)
     else:
         file = Fingerprint.of(inputs[0])
         loaded = Inputs(pairs=load_correspondences(inputs[0], image_size=image_size), files=(file,))
+    if exclude and kind != "photos":
+        loaded = loaded.without(exclude)
     pixel = loaded.pairs.pixel
     if len(pixel) > 1 and float((pixel.max(axis=0) - pixel.min(axis=0)).max()) < 1:
         x, y = pixel[0]
@@ -134,14 +156,19 @@ def load_inputs(
 
 
 def _find_in_photos(
-    inputs: Sequence[Path], target: TargetSource, run: Run, most: int | None
+    inputs: Sequence[Path],
+    target: TargetSource,
+    run: Run,
+    most: int | None,
+    exclude: Sequence[Path],
+    unplaced: bool,
 ) -> Inputs:
     # Tables need no finder of corners, and begin at once without it.
     from cubicfish.observe import find_corners
 
     target_file = target.fingerprint()
-    targets = target.load(run.listener)
-    photos, ended = named_photos(inputs, run.listener), None
+    targets = target.load(run.listener, unplaced=unplaced)
+    photos, ended = named_photos(inputs, run.listener, exclude), None
     if most is not None and len(photos) > most:
         from cubicfish_cli.films.frame_search import choose_photos
 

@@ -146,7 +146,7 @@ def rig(folder: Path) -> None:
     from simulated_rig import combined, simulated_rig  # type: ignore[import-not-found]
 
     from cubicfish import save_corners, save_target
-    from cubicfish_cli.extensions.simulation.simulate import render
+    from cubicfish.scene import Look, Scene
 
     setup, names = SETUPS["four"], ("front", "right", "rear", "left")
     lenses = [lens_of(field, number) for number, field in enumerate(setup.fields)]
@@ -163,7 +163,8 @@ def rig(folder: Path) -> None:
     photos = []
     for name, lens, place in zip(names, lenses, truth.camera_from_rig, strict=True):
         pose = combined(place, truth.rig_from_world[0])
-        photo = render(setup.target, lens.unproject, pose, lens.image_size, supersample=2)
+        scene = Scene(target=setup.target, lens=lens, image_size=lens.image_size)
+        photo = scene.photo(pose, Look(blur=0.5))
         (folder / name).mkdir()
         cv2.imwrite(str(folder / name / "shot_001.png"), photo)
         photos.append(cv2.resize(photo, (302, 302 * photo.shape[0] // photo.shape[1])))
@@ -223,7 +224,7 @@ def shoot(folder: Path) -> None:
             browser.get(running.address)
             browser.find_element("id", "begin").click()
             WebDriverWait(browser, 60).until(
-                lambda page: "3 photos, ±" in page.find_element("id", "summary").text
+                lambda page: page.find_element("id", "photos").text.count(" px") == 3
             )
             # The ghost board breathes: as it is at its clearest.
             browser.execute_script("document.getElementById('ghost').style.animation = 'none'")

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish import Target
-from cubicfish_cli.viewpoints.truth import (
+from cubicfish.scene.truth import (
     Pose,
     rotation_matrix,
     true_corners_text,

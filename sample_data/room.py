@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish.scene.faces import Face, board_face
 from cubicfish.target.boards.board import Board
 from cubicfish.target.target import Target
-from cubicfish_cli.render.board_faces import Face, board_face
 
 FloatArray = npt.NDArray[np.float64]
 Paint = Callable[[FloatArray], FloatArray]

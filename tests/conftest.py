@@ -1,4 +1,4 @@
-"""What tests of the command line share.
+"""What tests share.
 
 What fits is loaded where it is asked for: the process that hands tests out to others needs none.
 """
@@ -32,14 +32,17 @@ if sys.dont_write_bytecode:
 gc.disable()
 
 from collections.abc import Iterator
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import pytest
 import yaml
 from hypothesis import settings
-from running import MISSING, SAMPLE, Run, run_cli
+from samples import SAMPLE
 
-from cubicfish_cli.render import drawing as extra
+# What tests of the program share; those of the library run where it is not installed.
+if find_spec("cubicfish_cli"):
+    pytest_plugins = ["program"]
 
 if TYPE_CHECKING:
     from cubicfish.fit.calibration import Calibration
@@ -64,17 +67,12 @@ def pytest_collection_finish() -> None:
     gc.enable()
 
 
-@pytest.fixture
-def run() -> Run:
-    return run_cli
-
-
 @pytest.fixture(scope="session", autouse=True)
 def nothing_from_outside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """No model and no cache of the user's, and as if the extra 'report' were absent.
+    """No model and no cache of the user's.
 
-    What writes pages takes its time, and says so. Other processes are started for photos only
-    where a test asks for them, or starts the program itself: each loads OpenCV and SciPy first.
+    Other processes are started for photos only
+    where a test asks for them: each loads OpenCV and SciPy first.
     """
     from cubicfish.workers import pool
 
@@ -82,9 +80,6 @@ def nothing_from_outside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[N
         patch.setattr(pool, "_ITEMS_FOR_POOL", 1000)
         patch.delenv("CUBICFISH_MODEL", raising=False)
         patch.setenv("CUBICFISH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
-        patch.setattr(
-            extra, "missing", lambda of: ["jinja2"] if of == extra.REPORT else MISSING(of)
-        )
         yield
 
 
@@ -105,14 +100,6 @@ def in_time() -> Iterator[None]:
     assert not hung
 
 
-@pytest.fixture
-def with_report(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The extra 'report' as it is here; without it the test is skipped."""
-    for library in extra.REPORT:
-        pytest.importorskip(library)
-    monkeypatch.setattr(extra, "missing", MISSING)
-
-
 @pytest.fixture(scope="session")
 def fitted() -> Calibration:
     """The fit of the sample's exact corners."""
@@ -123,24 +110,3 @@ def fitted() -> Calibration:
     target = Target.load(SAMPLE / "target.yaml")
     pairs = load_corners(SAMPLE / "true_corners.csv", target)
     return calibrate.calibrate(pairs, target=target, hold_out=False)
-
-
-@pytest.fixture
-def quick_fit(fitted: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let ``cubicfish calibrate`` give that fit at once, whatever its input."""
-    from cubicfish.fit import calibrate
-
-    monkeypatch.setattr(calibrate, "calibrate", lambda pairs, **options: fitted)
-
-
-@pytest.fixture(scope="session")
-def calibrated(fitted: Calibration, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the calibration of the sample's exact corners. Do not write into it."""
-    from cubicfish.fit import calibrate
-
-    folder = tmp_path_factory.mktemp("calibrated") / "calibration"
-    corners, target = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
-    with pytest.MonkeyPatch.context() as patch:  # that fit is what the command would find
-        patch.setattr(calibrate, "calibrate", lambda pairs, **options: fitted)
-        run_cli("calibrate", corners, "--target", target, "--no-hold-out", "-o", folder)
-    return folder

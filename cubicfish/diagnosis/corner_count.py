@@ -436,3 +436,32 @@ def many_lost(evidence: PhotoEvidence) -> list[Finding]:
             figures=figures,
         )
     ]
+
+
+def many_grids_left_out(evidence: GridEvidence) -> list[Finding]:
+    """Find that more than a third of the grids that may be boards have no place on the target.
+
+    No more of a photo's grids are counted than the target has boards: others are of other things.
+    """
+    boards, grids, left_out = boards_with_squares(evidence.target), 0, 0
+    for own in evidence.identified.grids:
+        large = [grid for grid in own if grid.corners >= FEWEST_CORNERS]
+        named, few = sum(grid.named for grid in large), min(len(large), len(boards))
+        grids += few
+        left_out += max(few - named, 0)
+    if left_out < _FEWEST_PHOTOS or left_out <= _MANY * grids:
+        return []
+    seen = set(evidence.corners.board.tolist())
+    unseen = [evidence.target.boards[index].name for index in boards if index not in seen]
+    figures: dict[str, int | str] = {"left_out": left_out, "grids": grids}
+    if unseen:
+        figures["unseen"] = listed(unseen, "boards")
+    return [
+        Finding(
+            code=Code.FITS_NOWHERE,
+            case="many_grids",
+            severity=Severity.CARE,
+            boards=tuple(unseen),
+            figures=figures,
+        )
+    ]

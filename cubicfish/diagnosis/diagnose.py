@@ -104,6 +104,7 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     Hypothesis(MarkerEvidence, markers.other_spacing, _has_only_notes),
     Hypothesis(MarkerEvidence, markers.no_markers, _has_no_corners),
     Hypothesis(PhotoEvidence, corner_count.many_lost, _has_corners),
+    Hypothesis(GridEvidence, corner_count.many_grids_left_out, _has_corners),
     # About a fit.
     Hypothesis(FitEvidence, mirrored.handed),
     Hypothesis(FitEvidence, two_lenses.find_two_lenses, _is_named),

@@ -221,8 +221,12 @@ def no_markers(evidence: MarkerEvidence) -> list[Finding]:
     )
     dictionary, ids = _read_any_markers(evidence)
     own = [one for one in markers if one.dictionary in alike(dictionary)]
-    if not len(ids) or any(np.isin(ids - one.first, range(one.count)).any() for one in own):
+    if not len(ids):
         return [finding]
+    known = {int(id) for one in own for id in ids if 0 <= id - one.first < one.count}
+    if known:
+        figures = {**finding.figures, "markers": len(known)}
+        return [replace(finding, case="unplaced_in_all", figures=figures)]
     names = [*(one.dictionary for one in own), *alike(dictionary)]
     seen = next(name for name in names if MARKER_DICTIONARIES[name] > ids.max())
     figures = {**finding.figures, "seen": seen, "first": int(ids.min()), "last": int(ids.max())}

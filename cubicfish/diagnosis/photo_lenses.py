@@ -9,7 +9,6 @@ unlike the others were taken through another lens, or while something moved.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import fdtrc
 
 from cubicfish.errors import FitError
 from cubicfish.fit.calibration import FitEvidence
@@ -310,6 +309,8 @@ def unlike(photos: PhotoLenses) -> list[Unlike]:
 
     There is one result for each of ``photos.photos``; none where they are too few.
     """
+    from scipy.special import fdtrc  # slow to load
+
     count = len(photos.photos)
     if count < FEWEST_COMPARED:
         return []

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from math import comb
 
 import numpy as np
-from scipy.special import fdtrc, ndtri
 
 from cubicfish.diagnosis.photo_lenses import (
     BY_CHANCE,
@@ -301,6 +300,8 @@ def best_split(photos: PhotoLenses) -> TwoLenses | None:
         The split; None where there are too few photos.
 
     """
+    from scipy.special import fdtrc  # slow to load
+
     count = len(photos.photos)
     if count < FEWEST_COMPARED:
         return None
@@ -326,6 +327,8 @@ def best_split(photos: PhotoLenses) -> TwoLenses | None:
 
 def _explain_along(own: FloatArray, weight: FloatArray, second: BoolArray) -> float:
     """The share that groups explain on the way between their lenses, less that of one thing."""
+    from scipy.special import ndtri  # slow to load
+
     means = [mean_of(own[group], weight[group]) for group in (~second, second)]
     way = means[1] - means[0]
     # How far along each photo is, by its information on that.

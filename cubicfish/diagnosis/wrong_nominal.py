@@ -64,7 +64,7 @@ def measured_object(pairs: Observations, target: Target) -> dict[int, FloatArray
         FitError: the boards by themselves do not fit a lens.
 
     """
-    views = _split_into_boards(pairs, target)
+    views = split_into_boards(pairs, target)
     if views is None:
         return {}
     lens = fit_radial(views)
@@ -98,7 +98,7 @@ def measured_object(pairs: Observations, target: Target) -> dict[int, FloatArray
     return measured
 
 
-def _split_into_boards(pairs: Observations, target: Target) -> Observations | None:
+def split_into_boards(pairs: Observations, target: Target) -> Observations | None:
     """Take each board in each photo as a photo of one flat board, in squares; None without any."""
     world, names, image = np.zeros_like(pairs.world), list[str](), np.full(len(pairs.image), -1)
     for photo, index in np.unique(np.stack([pairs.image, pairs.board]), axis=1).T.tolist():

@@ -8,13 +8,14 @@ file                                   largest                     memory    sec
 =====================================  ==========================  ========  =======
 target.yaml                            4 MB, 500,000 values        300 MB    10
 camera.yaml, rig.yaml                  67 MB, 500,000 values       500 MB    10
-OpenCV, ROS, Kalibr, OCamCalib's text  1 MB to 4 MB                300 MB    10
-Gyroflow's lens profile                4 MB, 2 million values      300 MB    10
+other cameras as YAML, XML, JSON       4 MB, 2 million values      300 MB    10
+OCamCalib's text                       1 MB                        300 MB    10
 JSON of nerfstudio                     64 MB, 2 million values     500 MB    10
 COLMAP's cameras                       16 MB                       200 MB    10
 .cameramodel                           64 MB, 500,000 values       1 GB      15
 tables: corners, pairs, poses          100 MB, 16 million values   1.5 GB    20
 corners.vnl                            200 MB, 5 million lines     2 GB      20
+calib_data.mat, PhotonVision's         100 MB, 2 million values    1 GB      20
 points, pixels                         100 MB                      1 GB      60
 photos, each of those under way        2 GB, 200 million pixels    7 GB      15
 =====================================  ==========================  ========  =======

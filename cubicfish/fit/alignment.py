@@ -1,16 +1,21 @@
 """The rotation between the frames of two lenses that are nearly the same."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from cubicfish.models.cubic import CubicCamera, pole_or_fold_deg
 from cubicfish.models.lift import lift_rotation
 from cubicfish.models.sphere import cone_rays
 from cubicfish.solve.poses import Poses
 from cubicfish.types import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 _HUBER_PX = 1.0
 # Rounds of least squares: each takes the rays that the last rotation puts into both fields.
@@ -36,6 +41,7 @@ def turned_onto(
 
     """
     from scipy.optimize import least_squares  # slow to load
+    from scipy.spatial.transform import Rotation
 
     common = np.zeros(0, np.intp)
     for _ in range(_FIT_ROUNDS):
@@ -73,6 +79,8 @@ def in_references_frame(
         covered: angle from the axis up to which there are corners, radians.
 
     """
+    from scipy.spatial.transform import Rotation  # slow to load
+
     rays = cone_rays(covered, _FRAME_RAYS)
     wanted = camera.radial.project(rays)
     miss, rotation = turned_onto(camera.project, rays, wanted, Rotation.identity())

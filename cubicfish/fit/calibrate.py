@@ -19,7 +19,8 @@ from cubicfish.fit.model_selection import (
     begin,
     select_model,
 )
-from cubicfish.fit.photo_spread import photo_spread
+from cubicfish.fit.photo_spread import PhotoSpread, photo_spread
+from cubicfish.fit.prior import RADIAL
 from cubicfish.fit.radial_reference import (
     CHECK_ALL,
     RadialReference,
@@ -27,10 +28,12 @@ from cubicfish.fit.radial_reference import (
     terms_beyond,
 )
 from cubicfish.fit.refinement import fit_nominal_target, to_the_bottom
-from cubicfish.fit.uncertainty import uncertainty_grid
+from cubicfish.fit.uncertainty import Uncertainty, radial_uncertainty, uncertainty_grid
 from cubicfish.judge.finding import Finding
-from cubicfish.judge.fit_record import DroppedCorner, FitRecord
+from cubicfish.judge.fit_record import DroppedCorner, FitRecord, MarkedPoints
 from cubicfish.judge.pupil import pupil_effect
+from cubicfish.judge.uncertainty import TRUSTED_PX, UncertaintyGrid, of_size
+from cubicfish.judge.verdict import FEWEST_OF_A_CUBIC
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.lift import lift
 from cubicfish.models.pupil import from_pupil
@@ -46,7 +49,9 @@ from cubicfish.target.target import Target
 from cubicfish.threads import one_blas_thread
 
 # Eq. 8–9: two equations per pair in 60 homogeneous unknowns.
-MIN_PAIRS = 30
+MIN_PAIRS = FEWEST_OF_A_CUBIC
+# Numbers of a radial lens, and of a pose: of a point there are two, and half of them are spare.
+_OF_A_RADIAL_LENS, _OF_A_POSE = 8, 6
 # Boards whose corners leave a plane by less than this share of their extent count as flat.
 _FLAT = 1e-4
 # A fitted sheet is bent a little; a target of two boards leaves a plane by far more.
@@ -167,17 +172,22 @@ def _assess(
         units=None if target is None else target.units,
     )
     places = repeated_groups(fit.poses, reference.pairs, reference.camera.fx)
-    spread = photo_spread(fit, places, fit.in_doubt)
+    spread: PhotoSpread | Uncertainty
+    if fit.prior == RADIAL:
+        spread = radial_uncertainty(reference)
+    else:
+        spread = photo_spread(fit, places, fit.in_doubt)
     points = fit.poses.apply(reference.pairs.image, fit.world.points)
     effect = pupil_effect(camera, points * scale, reference.covered)
     points = from_pupil(points, fit.lens.pupil_travel)
     covered_deg = float(np.rad2deg(angle_from_axis(points).max()))
     trusted = coverage.trusted_angle_deg(camera, covered_deg, spread.sigma_px)
     camera = replace(camera, max_angle_deg=trusted)
-    uncertainty = uncertainty_grid(spread, camera, coverage.blind_angle(points))
+    field, uncertainty = _find_certain_field(camera, coverage.blind_angle(points), spread)
     known_residual = np.where(used.error_known[:, None], fit.residual, np.nan)
-    rim = coverage.coverage_extent(camera, points, known_residual, spread.sigma_px)
+    rim = coverage.coverage_extent(field, points, known_residual, spread.sigma_px)
     camera, poses = in_references_frame(camera, fit.poses.scaled(scale), reference.covered)
+    camera = replace(camera, max_angle_deg=field.max_angle_deg)
     findings: Sequence[Finding] = ()
     if diagnose is not None:
         evidence = FitEvidence(
@@ -217,6 +227,7 @@ def _assess(
         dropped=len(dropped),
         dropped_corners=dropped,
         unfit_images=reference.unfit,
+        marked=None if pairs.boards else MarkedPoints(),
     )
     return Calibration(
         camera=camera,
@@ -230,6 +241,20 @@ def _assess(
         target=refined,
         renamed=nominal.renamed,
     )
+
+
+def _find_certain_field(
+    camera: CubicCamera, blind: float, spread: PhotoSpread | Uncertainty
+) -> tuple[CubicCamera, UncertaintyGrid]:
+    """Where a camera is certain, if that is most of its field, and its uncertainty there."""
+    uncertainty = uncertainty_grid(spread, camera, blind)
+    if not uncertainty.median_px < TRUSTED_PX * of_size(camera.image_size):
+        return camera, uncertainty  # the rim alone is not to blame
+    certain = coverage.certain_angle_deg(camera, spread.sigma_px)
+    if certain == camera.max_angle_deg:
+        return camera, uncertainty
+    camera = replace(camera, max_angle_deg=certain)
+    return camera, uncertainty_grid(spread, camera, blind)
 
 
 def _refuse_another_size(pairs: Observations) -> None:
@@ -246,7 +271,9 @@ def _refuse_another_size(pairs: Observations) -> None:
 
 def refuse_too_little(pairs: Observations) -> None:
     """Raise FitError where pairs are too few, or all of one photo of one flat board."""
-    if len(pairs.pixel) < MIN_PAIRS:
+    if not pairs.boards:
+        _refuse_too_few_points(pairs)
+    elif len(pairs.pixel) < MIN_PAIRS:
         raise FitError(
             f"{len(pairs.pixel)} corners are too few: a cubic camera needs at least {MIN_PAIRS} "
             "(and some hundreds to be good); take more photos or use a board with more squares"
@@ -256,6 +283,20 @@ def refuse_too_little(pairs: Observations) -> None:
             f"{pairs.images[0]} alone shows one flat board, which cannot determine a lens",
             do="add photos of it from other sides (five or more, tilted), or use a target with two "
             "or more boards at an angle, of which one photo is enough",
+        )
+
+
+def _refuse_too_few_points(pairs: Observations) -> None:
+    """Refuse points by which not even a radial lens and the poses are determined."""
+    points, photos = len(pairs.pixel), len(pairs.images)
+    least = _OF_A_RADIAL_LENS + _OF_A_POSE * photos
+    if points < least:
+        many = photos != 1
+        raise FitError(
+            f"{points} point{'s' * (points != 1)} in {photos} photo{'s' * many} "
+            f"{'are' if points != 1 else 'is'} too few for a lens and the "
+            f"place{'s' * many} of the camera",
+            do=f"mark at least {least}, from the middle out to the rim of the picture",
         )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from cubicfish.angles import angle_from_axis, azimuth
 from cubicfish.geometry import inside_polygon
 from cubicfish.judge.fit_record import CoverageExtent
-from cubicfish.judge.uncertainty import CERTAIN_PX, of_size
+from cubicfish.judge.uncertainty import CERTAIN_PX, TRUSTED_PX, of_size
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.sphere import ray_at
 from cubicfish.types import BoolArray, FloatArray
@@ -46,6 +46,7 @@ _MIDDLE = 0.5
 _TIMES = 2.0
 _LEAST_MARGIN_DEG = 1.0
 _STEP_DEG = 0.25
+_EDGE_SLACK_RAD = 1e-6
 
 
 def blind_angle(points: FloatArray) -> float:
@@ -178,6 +179,33 @@ def trusted_angle_deg(camera: CubicCamera, covered_deg: float, sigma: Sigma) -> 
     certain = np.array(beyond) <= max(limit, _TIMES * at_corners)
     last = len(tried) if certain.all() else int(certain.argmin())
     return float(tried[max(last - 1, 0)])
+
+
+def certain_angle_deg(camera: CubicCamera, sigma: Sigma) -> float:
+    """How far from the axis a camera is certain: within the corners too, where its rim is not.
+
+    Args:
+        camera: the camera, most of whose field is certain.
+        sigma: as for :func:`coverage_extent`.
+
+    Returns:
+        The farthest angle where the median over the directions that the photo shows is below
+        :data:`TRUSTED_PX`, degrees; the field's own end where it is so out there.
+
+    """
+    farthest = camera.max_angle_deg
+    tried = np.append(np.arange(_STEP_DEG, farthest, _STEP_DEG), farthest)
+    around = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
+    angle, azimuths = np.meshgrid(np.deg2rad(tried), around, indexing="ij")
+    own = sigma(ray_at(angle.ravel(), azimuths.ravel())).reshape(angle.shape)
+    shown = angle <= angle_from_axis(camera.edge(_DIRECTIONS)) + _EDGE_SLACK_RAD
+    limit = TRUSTED_PX * of_size(camera.image_size)
+    ends = [
+        float(deg)
+        for deg, ring, there in zip(tried, own, shown, strict=True)
+        if there.any() and np.median(ring[there]) < limit
+    ]
+    return max(ends, default=farthest)
 
 
 def _measure_all_around(farthest: FloatArray, edge: FloatArray, covered: float) -> float:

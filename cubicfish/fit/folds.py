@@ -6,7 +6,6 @@ Photos from the same place count as one, so that none is judged by a camera that
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from cubicfish.files.frame_names import FrameName
 from cubicfish.fit.radial_reference import RadialReference
@@ -90,6 +89,8 @@ def repeated_groups(
         share: the share of the longer side by which the target may lie elsewhere.
 
     """
+    from scipy.spatial import KDTree  # slow to load
+
     count = len(poses)
     seen = _project_target(poses, pairs.world, focal)
     tolerance = share * max(pairs.image_size) * np.sqrt(seen.shape[1] / 3)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.special import stdtr
 
 from cubicfish.errors import FitError
 from cubicfish.fit.cubic_fit import CameraFit
@@ -97,6 +96,8 @@ class HeldOut:
 
         It is Student's t of the photos' ratios: photos are drawn at random, their corners are not.
         """
+        from scipy.special import stdtr  # slow to load
+
         photos = np.log(self.beside(other).photos_px / other.beside(self).photos_px)
         photos = photos[np.isfinite(photos)]
         if len(photos) < _FEWEST_TO_COMPARE:

@@ -17,7 +17,8 @@ from cubicfish.models.cubic import pole_or_fold_deg
 from cubicfish.models.lift import lift, sphere_basis
 from cubicfish.models.radial import RadialCamera
 from cubicfish.models.sphere import cone_rays
-from cubicfish.solve.normal_equations import gram, solve_scaled
+from cubicfish.solve.adjustment import COLD_DAMPING
+from cubicfish.solve.normal_equations import damped, gram, solve_scaled
 from cubicfish.types import FloatArray
 
 ROUNDS = 10
@@ -43,6 +44,7 @@ SAFER_PULLS = (1e-2, 1.0, 100.0)
 # guess there, and a profile with many coefficients makes of it what no cubic can follow.
 _SHARES_BEYOND = (1e-3, 1e-2, 1e-1, 1.0)
 _MOST = 100  # evaluations
+_HOPELESS = 1e8  # a damping that leaves no step
 # The same for the cubic near which P3Φ is only expected and from which a fit goes on: Gauss-Newton
 # steps, at most, and the share of its squared miss to which one must lower it to be worth another.
 _DECENTRED_ROUNDS, _WORTH_ANOTHER = 8, 0.5
@@ -280,29 +282,31 @@ def refined_cubic(
         stiffness: pixels that a relative change of P3Φ by 1 counts as, at each ray.
 
     """
-    from scipy.optimize import least_squares  # slow to load
-
     root = np.ones((len(rays), 1)) if weights is None else weights[:, None]
     stiff = stiffness * (lift(rays) @ sphere_basis()) if stiffness else np.zeros((0, 16))
 
-    def with_parameters(parameters: FloatArray) -> CubicFit:
-        return start.with_parameters(np.append(parameters, start.pupil_travel))
-
-    def miss(parameters: FloatArray) -> FloatArray:
-        lens = with_parameters(parameters)
-        found = root * (lens.far(rays) - pixel)
+    def square_of(lens: CubicFit) -> FloatArray:
+        with np.errstate(all="ignore"):  # a step to a pole is not taken
+            seen, _, by_parameters = lens.far_jacobian(rays)
+            miss = np.nan_to_num(root * (seen - pixel), nan=_UNSEEN_PX, posinf=_UNSEEN_PX)
+            slope = root[:, :, None] * by_parameters[:, :, :_FREE]
+            slope[~np.isfinite(slope)] = 0
+            square = gram(slope.reshape(-1, _FREE), miss.reshape(-1))
         drift = stiff @ (lens.coefficients[2] - start.coefficients[2])
-        return np.append(np.where(np.isfinite(found), found, _UNSEEN_PX).ravel(), drift)
+        square[32:, 32:] += gram(stiff @ lens.denominator_basis, drift)
+        return square
 
-    def slope(parameters: FloatArray) -> FloatArray:
-        by_parameters = with_parameters(parameters).far_jacobian(rays)[2][:, :, :_FREE]
-        by_parameters = np.where(np.isfinite(by_parameters), by_parameters, 0.0)
-        drift = np.zeros((len(stiff), _FREE))
-        drift[:, 32:] = stiff @ start.denominator_basis
-        return np.vstack([(root[:, :, None] * by_parameters).reshape(-1, _FREE), drift])
-
-    first, stop = start.parameters[:_FREE], {"ftol": _STEADY, "xtol": _STEADY, "max_nfev": _MOST}
-    with np.errstate(all="ignore"):
-        # Not MINPACK's ``lm``, which gives one of several answers to the same numbers.
-        found = least_squares(miss, first, jac=slope, x_scale="jac", method="trf", **stop)
-    return with_parameters(found.x)
+    lens, square, damping = start, square_of(start), COLD_DAMPING
+    for _ in range(_MOST):
+        step = solve_scaled(damped(square[:-1, :-1], damping), square[:-1, -1:])[:, 0]
+        moved = lens.with_parameters(lens.parameters - np.append(step, 0.0))
+        before, new = float(square[-1, -1]), square_of(moved)
+        if new[-1, -1] < before:
+            lens, square, damping = moved, new, damping / 10
+            if new[-1, -1] > (1 - _STEADY) * before:
+                break
+        else:
+            damping *= 10
+            if damping > _HOPELESS:
+                break
+    return lens

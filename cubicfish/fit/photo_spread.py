@@ -17,7 +17,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
 
 from cubicfish.fit.cubic_fit import CameraFit
 from cubicfish.fit.decentred import DecentredFit
@@ -86,7 +85,9 @@ class PhotoSpread:
         """(N, 2) the difference of the two guesses at rays of an empty middle; 0 elsewhere."""
         if not self.empty:
             return np.zeros((len(rays), 2))
-        differ = self.noise.gauge.lens.far(rays) - self.prior_lens.project(rays)
+        lens = self.noise.gauge.lens
+        assert isinstance(lens, CubicFit)
+        differ = lens.far(rays) - self.prior_lens.project(rays)
         return np.where(rays[:, 2:] > np.cos(self.empty), differ, 0.0)
 
     def _estimate_variance(self, left_out: FloatArray, influence: FloatArray) -> FloatArray:
@@ -124,6 +125,8 @@ def variance_of_few(variance: FloatArray, clusters: int) -> FloatArray:
     It is enlarged so that errors exceed the bound that nine in ten should stay within, 1.645 times
     its root, as often as they would with the true one: by Student's t.
     """
+    from scipy.special import ndtri, stdtrit  # slow to load
+
     larger = (stdtrit(clusters - 1, _WITHIN) / ndtri(_WITHIN)) ** 2
     return variance * larger
 

@@ -8,8 +8,9 @@ import numpy as np
 
 from cubicfish.fit.cubic_fit import CameraFit, fit_cubic
 from cubicfish.fit.folds import folds_of
-from cubicfish.fit.prior import choose_prior
+from cubicfish.fit.prior import RADIAL, choose_prior
 from cubicfish.fit.radial_reference import refit_radial
+from cubicfish.judge.verdict import FEWEST_OF_A_CUBIC
 from cubicfish.solve.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish.solve.deformable_target import NominalTarget, TargetModel
 from cubicfish.solve.fit_lens import FitLens
@@ -49,6 +50,8 @@ def fit_nominal_target(rough: CameraFit, target: Target | None, scale: float) ->
     pairs = weighed(nominal.pairs, rough.residual)
     reference = refit_radial(rough.reference, pairs, rough.poses)
     start = replace(rough, nominal=nominal)
+    if len(pairs.pixel) < FEWEST_OF_A_CUBIC:
+        return fit_cubic(reference, RADIAL, start=start)
     return choose_prior(reference, folds_of(reference), start=start, everywhere=True)
 
 

@@ -16,10 +16,12 @@ import numpy as np
 from cubicfish.angles import angle_from_axis
 from cubicfish.fit.cubic_fit import CameraFit
 from cubicfish.fit.lenses import CubicFit
+from cubicfish.fit.radial_reference import RadialReference
 from cubicfish.judge.uncertainty import UncertaintyGrid, summed
 from cubicfish.models.cubic import CubicCamera
-from cubicfish.models.radial import project_jacobian
+from cubicfish.models.radial import RadialCamera, project_jacobian
 from cubicfish.solve.adjustment import Adjustment
+from cubicfish.solve.fit_lens import FreeLens
 from cubicfish.solve.poses import cross_matrix
 from cubicfish.types import FloatArray
 
@@ -48,12 +50,14 @@ class Gauge:
 
     """
 
-    lens: CubicFit
+    lens: CubicFit | FreeLens[RadialCamera]
     by_turn: FloatArray
     by_both: FloatArray
 
     @classmethod
-    def over(cls, lens: CubicFit, points: FloatArray, times: float = 1.0) -> Gauge:
+    def over(
+        cls, lens: CubicFit | FreeLens[RadialCamera], points: FloatArray, times: float = 1.0
+    ) -> Gauge:
         """Take the turn out over corners (N, 3), camera frame; each counts ``times`` times."""
         turned, by_lens = _differentiate_far(lens, points)
         return cls(lens=lens, by_turn=times * turned.T @ turned, by_both=times * turned.T @ by_lens)
@@ -75,9 +79,12 @@ class Gauge:
         return np.asarray(np.linalg.lstsq(self.by_turn, self.by_both, rcond=None)[0])
 
 
-def _differentiate_far(lens: CubicFit, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _differentiate_far(
+    lens: CubicFit | FreeLens[RadialCamera], points: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Derivatives of distant points' pixels, by the camera's turn (2N, 3) and by lens (2N, K)."""
-    _, by_point, by_lens = lens.far_jacobian(points)
+    far = lens.far_jacobian if isinstance(lens, CubicFit) else lens.pixel_and_slopes
+    _, by_point, by_lens = far(points)
     turned = (-by_point @ cross_matrix(points)).reshape(-1, 3)
     return turned, by_lens.reshape(len(turned), -1)
 
@@ -161,6 +168,13 @@ def common_gauge(fit: CameraFit) -> Gauge:
         some = np.random.default_rng(0).choice(count, _MOST_CORNERS, replace=False)
     points = fit.poses.apply(pairs.image[some], pairs.world[some])
     return Gauge.over(fit.lens, points, count / len(some))
+
+
+def radial_uncertainty(reference: RadialReference) -> Uncertainty:
+    """Covariance of a radial lens, for a camera that is nothing but this lens."""
+    points = reference.poses.apply(reference.pairs.image, reference.pairs.world)
+    gauge, hessian = Gauge.over(reference.lens, points), reference.normal.reduced_shared()
+    return covariance(gauge, hessian, corner_noise_px(reference))
 
 
 def camera_uncertainty(fit: CameraFit) -> Uncertainty:

@@ -145,12 +145,18 @@ def _find_image_size(table: Table, kind: str, given: tuple[int, int] | None) -> 
                 arguments={"image_size": "image_size=(W, H)"},
             )
         return given
+    number = re.match(rf"cubicfish\s+{kind}\s+([0-9]{{1,9}})\b", table.comment)
+    if number and int(number[1]) > _VERSIONS[kind]:
+        raise CorrespondenceError(
+            f"{table.name}, line 1: format {int(number[1])} is newer than {_VERSIONS[kind]}, the "
+            "last one that is read here: use the cubicfish that wrote it, or a newer one"
+        )
     version = f"[1-{_VERSIONS[kind]}]"
     first = re.fullmatch(rf"cubicfish\s+{kind}\s+{version}\s*,\s*image_size\s+(\S+)", table.comment)
     if first is None:
         raise CorrespondenceError(
             f"{table.name}, line 1: it must be '# cubicfish {kind} 1, image_size WxH', not "
-            f"{quoted(table.comment)}: name another file, or use a newer cubicfish"
+            f"{quoted(table.comment)}: name another file"
         )
     size = re.fullmatch(_SIZE, first[1])
     stated = (int(size[1]), int(size[2])) if size else (0, 0)

@@ -192,6 +192,7 @@ _REMEDIES: Mapping[Remedy, tuple[str | tuple[str, str], ...]] = {
         Code.SLIDES,
         Code.LOOKS_LIKE_ANOTHER,
         Code.PLACE_UNCERTAIN,
+        (Code.BOARD_PLACE, "not_found"),
         Code.FEW_COMMON_SHOTS,
     ),
     Remedy.CALIBRATE_AGAIN: (
@@ -206,6 +207,7 @@ _REMEDIES: Mapping[Remedy, tuple[str | tuple[str, str], ...]] = {
         (Code.LARGE_ERRORS, "photo"),
     ),
     Remedy.NOTHING: (
+        (Code.BOARD_PLACE, "found"),
         Code.NO_TARGET,
         Code.NO_SIDE,
         Code.NO_VIEW,

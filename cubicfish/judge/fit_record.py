@@ -140,6 +140,23 @@ class CoverageExtent:
     middle_rms_px: float = NAN
 
 
+@dataclass(frozen=True, kw_only=True)
+class MarkedPoints:
+    """Points without names, as people mark them: how exact they are said to be.
+
+    Attributes:
+        noise_px: one standard deviation along x and along y, pixels; NaN where nobody said.
+
+    """
+
+    noise_px: float = NAN
+
+    @property
+    def usual_px(self) -> float:
+        """The RMS distance of such points from where they should be; 0 where nobody knows."""
+        return 0.0 if math.isnan(self.noise_px) else math.sqrt(2) * self.noise_px
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class FitRecord(ErrorStatistics):
     """The record of a fit: the errors over all used corners, and everything else that it says.
@@ -173,6 +190,7 @@ class FitRecord(ErrorStatistics):
         dropped: number of outliers: corners that were left out as grossly wrong.
         dropped_corners: the outliers themselves.
         unfit_images: photos that were left out, with the reason.
+        marked: of points without names, how exact they are said to be; None of corners.
         per_image: each photo that was used.
 
     """
@@ -205,6 +223,7 @@ class FitRecord(ErrorStatistics):
     dropped: int = 0
     dropped_corners: tuple[DroppedCorner, ...] = field(default=(), metadata=_RAY)
     unfit_images: Mapping[str, Finding] = field(default_factory=dict)
+    marked: MarkedPoints | None = field(default=None, metadata=LEFT_OUT_IF_EMPTY)
     per_image: tuple[PhotoRecord, ...] = ()
 
     @classmethod

@@ -13,6 +13,9 @@ from cubicfish.types import FloatArray
 CERTAIN_PX = 0.5
 """A camera is certain where one standard deviation is below this, in photos of up to 2000
 pixels."""
+TRUSTED_PX = 2 * CERTAIN_PX
+"""The calibrated field ends where one standard deviation reaches this, in such photos; a camera
+whose median is as large is not to be trusted."""
 PERCENT = 95.0
 """The second figure is this percentile: single places at the very edge, where no corner is near,
 say little about the rest of the field."""

@@ -8,7 +8,7 @@ smaller pixels, and limits grow in proportion.
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any, ClassVar
 
@@ -17,12 +17,14 @@ import numpy as np
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding, VerdictLevel, level_of
 from cubicfish.judge.fit_record import ErrorStatistics, FitRecord
-from cubicfish.judge.uncertainty import CERTAIN_PX, FieldUncertainty, of_size
+from cubicfish.judge.uncertainty import CERTAIN_PX, TRUSTED_PX, FieldUncertainty, of_size
 from cubicfish.types import FloatArray
 
+# The limits of what is good are those that docs/expectations.md states.
+#
 # Corners of a sharp photo are found to a tenth of a pixel. An error of a whole pixel means that
 # something is wrong, and no camera that comes of it is worth using.
-_ERROR_PX = (1.0, 1.0)
+_ERROR_PX = (0.5, 1.0)
 # A camera with an error below this on photos that it never saw is not blamed for smaller ones
 # elsewhere.
 _RIGHT_PX = 0.25
@@ -35,16 +37,18 @@ _BESIDE_COMPANION = ((1.02, 0.0), (2.0, 0.5))
 # Ratio of the error on other photos to that of the calibration, and the error from which it
 # matters.
 _WORSE_THAN_BEFORE = ((2.0, 0.1), (5.0, 0.5))
-# Where a third of the field has no corner, the figures of the rest say nothing about it.
-COVERAGE = (2 / 3, 0.2)
+# Where much of the field has no corner, the figures of the rest say nothing about it.
+COVERAGE = (0.9, 0.2)
 _SEEN_SHARE = 0.3
-# Uncertainty of the pixels, of which the corners' noise is the smallest part: up to the first limit
-# a camera counts as certain, beyond the second it is as bad as corners with such errors.
-_MEDIAN_UNCERTAINTY_PX = (CERTAIN_PX, 3.0)
-_RIM_UNCERTAINTY_PX = 2 * CERTAIN_PX
+# Uncertainty of the pixels: the median over the field up to which a camera counts as certain, and
+# from which it is as bad as corners with such errors; and what 95 % of the field should be within.
+_MEDIAN_UNCERTAINTY_PX = (CERTAIN_PX, TRUSTED_PX)
+GOAL_PX = 0.2
 _DROPPED_SHARE = (0.05, 0.2)
 _REJECTED_SHARE = (1 / 3, 1 / 2)
 _FEW_CORNERS = 200
+FEWEST_OF_A_CUBIC = 30
+"""Fewer corners say nothing of a lens's asymmetry: they are fitted by a radial lens alone."""
 FEW_PHOTOS = 3
 # Fewest photos of one flat board that determine a lens well, and fewest that determine it at all.
 FEW_OF_A_PLANE = (8, 4)
@@ -54,6 +58,19 @@ _RIM_ERROR = ((2.5, _RIGHT_PX), (math.inf, math.inf))
 _EXTRAPOLATED_DEG = 15.0
 # Findings that do not explain errors.
 _NO_ERRORS = (Code.REPEATS, Code.ONE_PLACE)
+# What is said in other words of points that people marked.
+_OF_POINTS = (
+    Code.LARGE_ERRORS,
+    Code.FEW_CORNERS,
+    Code.NOT_HELD_OUT,
+    Code.OVERFITTED,
+    Code.UNCERTAIN,
+    Code.LOW_COVERAGE,
+    Code.EXTRAPOLATED,
+    Code.MANY_OUTLIERS,
+)
+# Points may be off by so many times what they are said to be.
+_BEYOND_MARKED = 2.0
 # The coverage of the rim is stated beside that of the whole if it is less than this.
 _WHOLE_RIM = 0.9
 _UNKNOWN = "no figures are known"
@@ -112,6 +129,8 @@ def verdict(
     causes = [one for one in blamed if one.code not in _NO_ERRORS]
     others = [one for one in blamed if one.code in _NO_ERRORS]
     others += _apply_rules(fit, image_size, outline, scale)
+    if fit.marked is not None:  # who marked points has no boards, and no file that says where
+        others = [replace(one, case="points") if one.code in _OF_POINTS else one for one in others]
     reasons = (*sorted(causes, key=_is_mild), *sorted(others, key=_is_mild))
     return Verdict(level=level_of(reasons), figures=_state_fit(fit), reasons=reasons)
 
@@ -160,7 +179,7 @@ def evaluation_verdict(
 def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[Verdict]:
     """The verdict on each photo: its errors, by themselves and beside those of the others."""
     photos = fit.per_image
-    most = _ERROR_PX[1] * of_size(image_size)
+    most = _most_px(fit, of_size(image_size))
     errors = [photo.rms_px for photo in photos]
     typical = median([error for error in errors if math.isfinite(error)] or [0.0])
     lost = Counter(corner.image for corner in fit.dropped_corners)
@@ -174,7 +193,7 @@ def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[Verdict]
         unknown = math.isnan(error) and photo.corners > 0
         own += _report(Severity.NOTE if unknown else None, Code.NO_ERROR)
         own += _report(Severity.CARE if out else None, Code.OUTLIERS, dropped=out)
-        few = photo.corners < _FEW_CORNERS_IN_PHOTO
+        few = photo.corners < _FEW_CORNERS_IN_PHOTO and fit.marked is None
         own += _report(Severity.CARE if few else None, Code.FEW_CORNERS, "photo")
         verdicts.append(Verdict(level=level_of(own), reasons=tuple(own)))
     return verdicts
@@ -224,7 +243,8 @@ def _apply_rules(
     elif math.isnan(error):
         yield from _report(Severity.BAD, Code.NO_FIGURES)
     else:
-        level = _rate(error / scale, _ERROR_PX)
+        most = _most_px(of, scale)
+        level = _rate(error, (_ERROR_PX[0] * scale if of.marked is None else most, most))
         yield from _report(level, Code.LARGE_ERRORS, error_px=error)
     case = "few" if 0 < photos < FEW_PHOTOS else ""
     level = _care_if(math.isnan(held_out) and not of.says_nothing)
@@ -233,8 +253,6 @@ def _apply_rules(
     yield from _report(level, Code.OVERFITTED, held_out_px=held_out, times=held_out / (rms or 1))
     level = ratio_above(held_out, radial, _BESIDE_COMPANION, scale)
     yield from _report(level, Code.RADIAL_IS_NEARER, held_out_px=held_out, radial_px=radial)
-    uncertain = _rate(known.median_px / scale, _MEDIAN_UNCERTAINTY_PX)
-    yield from _report(uncertain, Code.UNCERTAIN, median_px=known.median_px)
     if of.flat and photos:  # each photo leaves much of a lens open: the others must determine it
         level = _rate(1 - photos, (1 - FEW_OF_A_PLANE[0], 1 - FEW_OF_A_PLANE[1]))
         bad = level is Severity.BAD
@@ -247,26 +265,37 @@ def _apply_rules(
     every = left_out + photos
     level = _rate(left_out / max(every, 1), _REJECTED_SHARE)
     yield from _report(level, Code.MANY_UNFIT, left_out=left_out, photos=every)
-    level = _rate(-of.coverage, (-COVERAGE[0], -COVERAGE[1]))
-    yield from _report(level, Code.LOW_COVERAGE, share=of.coverage)
     lift, full = ("point", 20) if of.lift == "point" else ("", 16)
     yield from _report(_care_if(0 < of.rank < full), Code.LOW_RANK, lift, rank=of.rank, full=full)
     # The field: at the rim, and beyond the corners.
     rim, middle, start = extent.rim_rms_px, extent.middle_rms_px, extent.rim_from_deg
     level = None if math.isnan(start) else ratio_above(rim, middle, _RIM_ERROR, scale)
     yield from _report(level, Code.WORSE_AT_THE_RIM, middle_px=middle, rim_px=rim, from_deg=start)
+    seen = math.nan
+    if outline is not None and len(outline) > 2:
+        seen = share_within(outline, image_size)
+    yield from _report(_care_if(seen < _SEEN_SHARE), Code.SMALL_FIELD, share=seen)
+    enough = _FEW_CORNERS if of.marked is None else FEWEST_OF_A_CUBIC
+    yield from _report(_care_if(0 < used < enough), Code.FEW_CORNERS, corners=used)
+    # What follows from the above, and what half of all cameras have.
+    level = _rate(-of.coverage, (-COVERAGE[0], -COVERAGE[1]))
+    yield from _report(level, Code.LOW_COVERAGE, share=of.coverage)
+    level = _rate(known.median_px / scale, _MEDIAN_UNCERTAINTY_PX)
+    yield from _report(level, Code.UNCERTAIN, median_px=known.median_px)
+    level = _care_if(level is None and known.p95_px / scale > GOAL_PX)
+    goal = {"p95_px": known.p95_px, "goal_px": GOAL_PX * scale}
+    yield from _report(level, Code.UNCERTAIN, "rim", **goal)
     covered, around, edge = of.covered_deg, extent.all_around_deg, extent.edge_uncertainty_px
     level = _care_if(covered - around > _EXTRAPOLATED_DEG and edge / scale > CERTAIN_PX)
     yield from _report(
         level, Code.EXTRAPOLATED, covered_deg=covered, around_deg=around, edge_px=edge
     )
-    level = _care_if(uncertain is None and known.max_px / scale > _RIM_UNCERTAINTY_PX)
-    yield from _report(level, Code.UNCERTAIN, "somewhere", max_px=known.max_px)
-    seen = math.nan
-    if outline is not None and len(outline) > 2:
-        seen = _measure_area(outline) / (image_size[0] * image_size[1])
-    yield from _report(_care_if(seen < _SEEN_SHARE), Code.SMALL_FIELD, share=seen)
-    yield from _report(_care_if(0 < used < _FEW_CORNERS), Code.FEW_CORNERS, corners=used)
+
+
+def _most_px(of: FitRecord, scale: float) -> float:
+    """The error from which on something is wrong: of marked points, as exact as they are."""
+    usual = 0.0 if of.marked is None else of.marked.usual_px
+    return max(_ERROR_PX[1] * scale, _BEYOND_MARKED * usual)
 
 
 def _care_if(odd: bool) -> Severity | None:
@@ -291,6 +320,7 @@ def ratio_above(
     return Severity.CARE if value > care * other and value > least * scale else None
 
 
-def _measure_area(outline: FloatArray) -> float:
+def share_within(outline: FloatArray, image_size: tuple[int, int]) -> float:
+    """The share of a photo (width, height), pixels, that lies within an outline (K, 2)."""
     x, y = outline.T
-    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
+    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2 / math.prod(image_size))

@@ -33,6 +33,8 @@ _BLOCK = 8192
 # A ray this close beyond the edge of the cone is rounding, not a ray outside.
 _EDGE_SLACK_RAD = 1e-9
 _CHECK_RAYS = 6000
+# By so much at most, a camera's frame turned after the angle of its corners was measured.
+_TURNED_DEG = 1.0
 # Beyond this angle from the axis, a fisheye's image circle may end within the photo.
 _FILLED_RAD = np.pi / 2
 # Bisections of the angle at which the field ends: exact to some billionths of a radian.
@@ -78,6 +80,17 @@ class CubicCamera(Brief):
         In ``units``; 0 along the axis and where there is no direction.
         """
         return self.pupil_travel * np.nan_to_num(pupil_profile(np.asarray(rays, float)))
+
+    def over_corners(self, covered_deg: float) -> CubicCamera:
+        """The same where its corners are too, some of which may lie beyond its calibrated field.
+
+        Args:
+            covered_deg: angle from the axis of the farthest corner; NaN where it is not known.
+
+        """
+        if not self.max_angle_deg < covered_deg + _TURNED_DEG:
+            return self
+        return replace(self, max_angle_deg=covered_deg + _TURNED_DEG)
 
     def for_photos(self, size: tuple[int, int]) -> CubicCamera:
         """The camera of photos of ``size``: the calibrated size, or of the same shape.

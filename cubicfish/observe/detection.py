@@ -37,6 +37,7 @@ from cubicfish.find.identification.second_pass import (
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
 from cubicfish.listener import Event, Listener
+from cubicfish.observe.first_square import begins_otherwise, boards_begun_otherwise
 from cubicfish.observe.photo_detection import (
     GridCache,
     PhotoDetection,
@@ -205,14 +206,44 @@ def first_pass(
     if not targets:
         size = _find_common_size(found) or (0, 0)
         return nameless([photo.name for photo in photos], [one.grids for one in found], size)
-    named: list[Detection] = []
-    for number, target in enumerate(targets, start=1):
+    named, why = list[Detection](), DetectionError("")
+    for target in targets:
         try:
             named.append(_name_corners(photos, found, target))
-        except DetectionError:  # the last says why, where none does better
-            if number == len(targets) and not named:
-                raise
-    return max(named, key=lambda one: (len(one.corners.pixel), -len(one.findings)))
+        except DetectionError as error:  # the last says why, where none does better
+            why = error
+    first = max(named, key=lambda one: (len(one.corners.pixel), -len(one.findings)), default=why)
+    best = _begun_as_seen(first, targets[0], photos, kept, work)
+    if isinstance(best, DetectionError):
+        raise best
+    return best
+
+
+def _begun_as_seen(
+    known: Detection | DetectionError,
+    target: Target,
+    photos: Sequence[Photo],
+    cache: GridCache | None,
+    work: Work,
+) -> Detection | DetectionError:
+    """The same, or what is read where boards of markers begin with the other square, if more."""
+    corners = known.corners if isinstance(known, Detection) else None
+    target = corners.target or target if corners is not None else target
+    for index, board in boards_begun_otherwise(target, corners, known.findings).items():
+        other = target.with_boards({index: board})
+        detect_one = partial(detect_in_photo, target=other, cache=cache)
+        found = work.done(detect_one, _make_paths_absolute(photos, work))
+        try:
+            seen = _name_corners(photos, found, other)
+        except DetectionError:
+            continue
+        before = 0 if corners is None else int((corners.board == index).sum())
+        now = int((seen.corners.board == index).sum())
+        if now > before:
+            told = begins_otherwise(board, now, before)
+            target, corners = other, seen.corners
+            known = replace(seen, findings=(told, *seen.findings))
+    return known
 
 
 def _make_photos(
@@ -238,7 +269,6 @@ def _make_photos(
     ]
 
 
-_NOT_NAMED = "no corner can be named"
 # With these, where they are bad, names would be those of other corners.
 _REFUSED = (Code.ANOTHER_TARGET, Code.CORNER_COUNT, Code.NOTHING_NAMED, Code.NO_MARKERS)
 
@@ -261,9 +291,9 @@ def _name_corners(
     ]
     usable = [index for index, one in enumerate(found) if one.grids is not None]
     name = _name_by_markers if target.has_markers else _name_by_geometry
-    corners, named, make_evidence = name(
-        [photos[index].name for index in usable], [found[index] for index in usable], target, size
-    )
+    names, used = [photos[index].name for index in usable], [found[index] for index in usable]
+    target, told = _placed(names, used, target, size)
+    corners, named, make_evidence = name(names, used, target, size)
     reports = [
         PhotoReport(name=photo.name, refusal=detected.refusal)
         for photo, detected in zip(photos, found, strict=True)
@@ -279,7 +309,7 @@ def _name_corners(
         with_boards=sum(showing),
         lost=[why for why in lost if why is not None],
     )
-    findings = find_faults(evidence)
+    findings = [*told, *find_faults(evidence)]
     _refuse(findings, named=len(corners.pixel) > 0)
     if not len(corners.pixel):
         raise _explain_no_checkerboard(found)
@@ -289,6 +319,26 @@ def _name_corners(
         findings=tuple(findings),
         other_colours=evidence.other_colours,
     )
+
+
+def _placed(
+    names: Sequence[str],
+    detected: Sequence[PhotoDetection],
+    target: Target,
+    size: tuple[int, int],
+) -> tuple[Target, list[Finding]]:
+    """The target with the places that it does not know, as photos of one size show them."""
+    if not target.unplaced:
+        return target, []
+    from cubicfish.observe.places import placed_by_grids, told_of_places, with_places
+
+    if target.has_markers:
+        marked = [one.marked for one in detected if one.marked is not None]
+        placed = with_places(marked_corners(marked, target, size, names), target)
+    else:
+        grids = [one.grids.grids for one in detected if one.grids is not None]
+        placed = placed_by_grids(grids, target, size, names)
+    return placed, told_of_places(target, placed, target.board_names)
 
 
 _Named = tuple[Observations, list[PhotoReport], Callable[..., PhotoEvidence]]
@@ -349,7 +399,7 @@ def _refuse(findings: Sequence[Finding], *, named: bool) -> None:
         if finding.severity is Severity.BAD and finding.code in _REFUSED:
             raise DetectionError(findings=[finding])
         if finding.severity is not Severity.NOTE and not named:
-            raise DetectionError(_NOT_NAMED, findings=[finding])
+            raise DetectionError(findings=[finding])
 
 
 def _is_showing_boards(detected: PhotoDetection) -> bool:

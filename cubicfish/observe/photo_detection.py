@@ -174,7 +174,7 @@ def detect_in_photo(
     if target is None or not detected.is_empty:
         return detected
     if target.has_markers and find().grids:
-        return replace(detected, refusal=make_refusal(photo.name, Code.NO_MARKERS))
+        return replace(detected, refusal=_explain_no_markers(photo.name, picture(), target))
     why = explain_no_grids(picture(), find())
     return replace(detected, refusal=replace(why, severity=Severity.CARE, images=(photo.name,)))
 
@@ -201,6 +201,16 @@ def _read_picture(photo: Photo, data: bytes) -> Picture:
 def make_refusal(name: str, code: Code, case: str = "", **figures: int | str) -> Finding:
     """Why a photo is of no use."""
     return Finding(code=code, case=case, severity=Severity.CARE, images=(name,), figures=figures)
+
+
+def _explain_no_markers(name: str, picture: Picture, target: Target) -> Finding:
+    """Why nothing is named where squares are: no marker of the target, or some that do not do."""
+    from cubicfish.find.detection.markers_measure import markers_of  # for them alone
+
+    read = markers_of(picture, target)
+    if not read:
+        return make_refusal(name, Code.NO_MARKERS)
+    return make_refusal(name, Code.NO_MARKERS, "unplaced", markers=read)
 
 
 def _look_for_markers(

@@ -313,7 +313,7 @@ def _describe_missed(paths: Sequence[Path]) -> str:
     files = f"{len(names)} file{'s' * (len(names) > 1)}"
     return (
         f"{files} left out ({listed(names, 'files')}): photos are {_READABLE} files with plain "
-        "names; save others so, in full size, and take frames from videos with 'cubicfish frames'"
+        "names; convert the others at full size; for films use 'cubicfish frames'"
     )
 
 

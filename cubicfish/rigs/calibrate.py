@@ -84,6 +84,7 @@ def calibrate_rig(
     names, known = list(cameras), known or {}
     for name in names:
         RigCamera.refuse_name(name, "camera", FitError)
+    RigCamera.refuse_same(names, "the rig", FitError)
     if len(names) < 2:
         raise FitError("a rig has two cameras or more: calibrate a single one with 'calibrate'")
     seen, target, matched = observed_shots(cameras, target, shots, tolerance, times)

@@ -6,7 +6,7 @@ rig.yaml is read and written here; each camera's camera.yaml is beside it.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -41,8 +41,9 @@ from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.sphere import cone_rays
 from cubicfish.target.target import Target
 from cubicfish.types import FloatArray
+from cubicfish.units import explain_unknown
 from cubicfish.views.fields import sees
-from cubicfish.wording import did_you_mean, quoted
+from cubicfish.wording import did_you_mean, quoted, shown
 
 KEY = "cubicfish_rig"
 REFINED = "target.refined.yaml"
@@ -217,6 +218,20 @@ class RigCamera(Calibrated):
                 "without / and \\ and line breaks, since files are called after it"
             )
 
+    @staticmethod
+    def refuse_same(names: Sequence[str], where: str, error: type[CubicfishError]) -> None:
+        """Refuse names of a rig's cameras of which files would be called the same.
+
+        Raises:
+            CubicfishError: two are the same to a folder that does not tell A from a.
+
+        """
+        if len({name.casefold() for name in names}) < len(names):
+            raise error(
+                f"{where}: cameras are called {', '.join(map(shown, names))}: give each a name of "
+                "its own, and not a and A, which some folders do not tell apart"
+            )
+
     def place_record(self) -> dict[str, Any]:
         """Plain data: what rig.yaml has of the camera."""
         return {
@@ -386,11 +401,12 @@ def load_rig(given: str | os.PathLike[str]) -> Rig:
     file, units, cameras = Keys(path, record), record.get("units"), record.get("cameras")
     if not isinstance(units, str | None):
         file.refuse("units must be text, such as mm")
-    if not isinstance(cameras, list) or not 1 <= len(cameras) <= MAX_CAMERAS:
-        file.refuse(f"cameras must be a list of 1 to {MAX_CAMERAS} records")
+    if units is not None and (unknown := explain_unknown(units)):
+        file.refuse(f"units {unknown}")
+    if not isinstance(cameras, list) or not 2 <= len(cameras) <= MAX_CAMERAS:
+        file.refuse(f"cameras must be a list of 2 to {MAX_CAMERAS} records: one alone is no rig")
     found = [_read_camera(path, one, f"cameras[{index}]") for index, one in enumerate(cameras)]
-    if len({one.name for one in found}) < len(found):
-        file.refuse("two cameras have the same name: give each one of its own")
+    RigCamera.refuse_same([one.name for one in found], str(path), CameraFileError)
     known = read_record(_Record, record) or _Record()
     return Rig(
         units=units,

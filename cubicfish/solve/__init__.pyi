@@ -2,4 +2,3 @@
 
 from cubicfish.solve.fit_lens import nearest_lens as nearest_lens
 from cubicfish.solve.poses import Poses as Poses
-from cubicfish.solve.statistics import rms_px as rms_px

@@ -13,8 +13,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dposv
-from scipy.sparse import csr_array
 
 from cubicfish.types import FloatArray, IntArray
 
@@ -347,11 +345,6 @@ def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
     least = np.maximum(1e-300, 1e-40 * diagonal.max(axis=-1, keepdims=True, initial=0.0))
     scale = (1 / np.sqrt(np.maximum(diagonal, least)))[..., None]
     scaled = matrix * scale * np.swapaxes(scale, -1, -2)
-    if scaled.ndim == 2 and right.size:
-        # By Cholesky's factor, at a third of the cost, if rounding left it positive definite.
-        _, solved, failed = dposv(scaled.T, scale * right, lower=1)
-        if not failed:
-            return np.asarray(scale * solved)
     try:
         return scale * np.linalg.solve(scaled, scale * right)
     except np.linalg.LinAlgError:
@@ -371,6 +364,8 @@ def damped(matrix: FloatArray, damping: float | FloatArray) -> FloatArray:
 
 def summed_by(index: IntArray, count: int, left: FloatArray, right: FloatArray) -> FloatArray:
     """(count, a, C) sums of leftᵀ right, (n, 2, a) and (n, 2, C), over the pairs of an index."""
+    from scipy.sparse import csr_array  # slow to load
+
     size = left.shape[2]
     places = np.repeat(size * index, 2)[:, None] + np.arange(size)
     # A sparse matrix, whose product sums as it multiplies.

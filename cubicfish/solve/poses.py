@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from cubicfish.types import FloatArray, IntArray
 from cubicfish.wording import Brief
@@ -111,15 +110,20 @@ class Poses(Brief):
     @property
     def rotation_vector(self) -> FloatArray:
         """(M, 3) rotation vectors, radians."""
+        from scipy.spatial.transform import Rotation  # slow to load, and not for each command
+
         return Rotation.from_matrix(self.rotation).as_rotvec()
 
 
 def rotation_from_vector(vector: npt.ArrayLike) -> FloatArray:
-    """Rotation vectors (M, 3), radians -> matrices (M, 3, 3)."""
+    """Rotation vectors (..., 3), radians -> matrices (..., 3, 3)."""
     vector = np.asarray(vector, float)
-    if not len(vector):  # which older versions of scipy refuse
+    if not len(vector):
         return np.zeros((0, 3, 3))
-    return Rotation.from_rotvec(vector).as_matrix()
+    turns = np.linalg.norm(vector, axis=-1)[..., None, None] / np.pi
+    cross = cross_matrix(vector)
+    # Rodrigues: 1 + sin a / a [v]x + (1 - cos a) / a^2 [v]x [v]x
+    return np.eye(3) + np.sinc(turns) * cross + 0.5 * np.sinc(0.5 * turns) ** 2 * (cross @ cross)
 
 
 def cross(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -132,4 +136,8 @@ def cross(first: FloatArray, second: FloatArray) -> FloatArray:
 
 def cross_matrix(vector: FloatArray) -> FloatArray:
     """The matrix of v ×: (..., 3) -> (..., 3, 3)."""
-    return np.asarray(np.cross(np.eye(3), vector[..., None, :]))
+    matrix = np.zeros((*vector.shape, 3))
+    for row, column, axis in ((2, 1, 0), (0, 2, 1), (1, 0, 2)):
+        matrix[..., row, column] = vector[..., axis]
+        matrix[..., column, row] = -vector[..., axis]
+    return matrix

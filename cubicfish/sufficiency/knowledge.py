@@ -90,6 +90,7 @@ class Knowledge:
         pairs = with_mean_weight_one(pairs.with_world((pairs.world - origin) / scale))
         poses, target = poses.of_world(-origin), target and target.moved(-origin)
         poses = replace(poses, translation=poses.translation / scale)
+        camera = camera.over_corners(fit.covered_deg)
         seen = camera.scaled(1 / scale).project(poses.apply(pairs.image, pairs.world), near=True)
         miss = np.nan_to_num(seen - pairs.pixel, nan=LOST_PX)
         pairs = weighed(pairs, miss)

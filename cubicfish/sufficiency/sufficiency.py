@@ -16,15 +16,12 @@ from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.fit_record import FitRecord
 from cubicfish.judge.uncertainty import FieldUncertainty, of_size
-from cubicfish.judge.verdict import COVERAGE, FEW_OF_A_PLANE, FEW_PHOTOS, Verdict
+from cubicfish.judge.verdict import COVERAGE, FEW_OF_A_PLANE, FEW_PHOTOS, GOAL_PX, Verdict
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.point import PointCamera
 from cubicfish.target.observations import Observations
 from cubicfish.types import FloatArray, IntArray
 
-GOAL_PX = 0.2
-"""What proposals aim at over the field, for photos of up to 2000 pixels per side;
-larger ones in proportion."""
 # The middle, which has no sides, reaches so far; of the rest the outer ring has this share.
 _MIDDLE_FIELD_DEG = 20.0
 _OUTER_RING = 0.4

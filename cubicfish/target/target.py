@@ -19,11 +19,14 @@ from cubicfish.target.boards.board import Board
 from cubicfish.target.boards.section import AXES_TOLERANCE, Section
 from cubicfish.target.boards.types import BOARD_TYPES
 from cubicfish.types import FloatArray, IntArray
+from cubicfish.units import explain_unknown
 from cubicfish.wording import Brief, did_you_mean, quoted
 
 # A refined target of some ten thousand corners, each with its offset.
 MAX_BYTES = 4_000_000
 MAX_BOARDS = 256
+# How far apart boards of unknown places are taken to be, by the size of the largest.
+_APART = 10.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -115,6 +118,11 @@ class Target(Brief):
         return replace(self, boards=tuple(changed))
 
     @property
+    def unplaced(self) -> tuple[str, ...]:
+        """Names of the boards of which nobody knows where they are."""
+        return tuple(board.name for board in self.boards if board.unplaced)
+
+    @property
     def has_markers(self) -> bool:
         """Whether any board carries markers."""
         return any(board.markers is not None for board in self.boards)
@@ -183,6 +191,8 @@ def _make_target(where: str, data: object) -> Target:
     top.allow_only(("units", "boards", "mirrored"), "a target file")
     mirrored = top.flag("mirrored")
     units = top.text("units", hint="the unit of every length in it, such as mm")
+    if unknown := explain_unknown(units):
+        top.refuse("units", unknown)
     entries = top.required("boards", hint="a list of boards")
     if not isinstance(entries, list) or not entries:
         top.refuse("boards", "must be a list of at least one board, each starting with '- name:'")
@@ -191,16 +201,34 @@ def _make_target(where: str, data: object) -> Target:
     names: set[str] = set()
     boards = []
     for number, entry in enumerate(entries, start=1):
-        board = _make_board(where, number, entry, alone=len(entries) == 1)
+        board = _make_board(where, number, entry, units, alone=len(entries) == 1)
         if board.name in names:
             raise TargetError(
                 f"{where}, board {quoted(board.name)}, name: another board has it too"
             )
         names.add(board.name)
         boards.append(board)
+    boards = _laid_out(boards)
     _refuse_overlaps(where, boards)
     target = Target(units=units, boards=tuple(boards))
     return target.in_mirror() if mirrored else target
+
+
+def _laid_out(boards: Sequence[Board]) -> list[Board]:
+    """Boards of unknown places beside each other, far from the others.
+
+    Where no place is known, the first board is the world's plane z = 0.
+    """
+    placed = [board for board in boards if not board.unplaced]
+    if not placed:
+        placed, boards = [replace(boards[0], unplaced=False)], [*boards]
+        boards[0] = placed[0]
+    sizes = [float(np.abs(board.outline()).max()) for board in boards]
+    step = _APART * max(max(sizes), 1.0)
+    return [
+        replace(board, origin=np.array([step * number, 0.0, 0.0])) if board.unplaced else board
+        for number, board in enumerate(boards, start=1)
+    ]
 
 
 def _convert_array(value: object) -> Any:
@@ -210,11 +238,11 @@ def _convert_array(value: object) -> Any:
     raise TypeError(f"{quoted(value)} is something else")
 
 
-def _make_board(path: str, number: int, entry: object, *, alone: bool) -> Board:
+def _make_board(path: str, number: int, entry: object, units: str, *, alone: bool) -> Board:
     where = f"{path}, board {number}"
     if not isinstance(entry, dict):
         raise TargetError(f"{where}: must be a mapping that starts with name: and type:")
-    section = Section(where, entry)
+    section = Section(where, entry, units)
     name = section.text("name", hint="a name that no other board has")
     section.where = f"{path}, board {quoted(name)}"
     kind = section.choice("type", BOARD_TYPES, hint="one of " + ", ".join(BOARD_TYPES))

@@ -15,6 +15,7 @@ from cubicfish.views.fields import (
     fit_view,
     lost_shares,
     seen_field_deg,
+    trimmed,
 )
 from cubicfish.views.maps import UndistortMap, WholePhoto, build_map
 from cubicfish.views.options import KINDS, OUTER, WHOLE, Kind, ViewOptions
@@ -48,7 +49,7 @@ def build_view(
     perspective view keeps the photo's scale on its axis, up to 120° along the longer side, and the
     others show all that the camera sees; an ``equirectangular`` view without a given size is then
     just as large as that at the photo's scale, and along the axis of a lens beyond 180° as large as
-    its middle row shows.
+    its middle row shows; a ``cylindrical`` one has no columns and rows in which nothing is seen.
 
     Args:
         camera: the camera whose photos are rendered.
@@ -216,7 +217,9 @@ def _choose_field(
     view, at_limit = fit_view(camera, view, share)
     if options.fit is None and view.kind.endswith("cylindrical") and at_limit:
         # Nobody wants a view all round only because the camera sees something nearly overhead.
-        return replace(view, focal=max(view.focal, axis_focal(camera) * scale)), False
+        view, at_limit = replace(view, focal=max(view.focal, axis_focal(camera) * scale)), False
+    if options.leaves_field_open and view.kind.endswith("cylindrical"):
+        view = trimmed(camera, view)
     return view, at_limit
 
 

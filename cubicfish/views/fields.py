@@ -117,6 +117,27 @@ def cropped(camera: Camera, view: CentralView) -> CentralView:
     return replace(view, size=(int(size[0]), int(size[1])))
 
 
+def trimmed(camera: Camera, view: CentralView) -> CentralView:
+    """A view without the outer columns and rows in which the camera sees nothing, with even sides.
+
+    Its middle stays where it is.
+
+    Args:
+        camera: the camera.
+        view: of any kind.
+
+    """
+    size = list(view.size)
+    for axis, side in enumerate(view.size):
+        along, across = np.arange(side), np.linspace(0, view.size[1 - axis] - 1, _GRID)
+        pixel = np.stack(np.meshgrid(along, across, indexing="ij")[:: 1 - 2 * axis], axis=-1)
+        seen = along[sees(camera, view.rays(pixel)).any(axis=1)]
+        if len(seen):
+            half = float(np.abs(seen - (side - 1) / 2).max()) + 0.5
+            size[axis] = min(side, 2 * math.ceil(half))
+    return replace(view, size=(size[0], size[1]))
+
+
 def sees(camera: PointProjector, rays: FloatArray, *, margin: float = 0.0) -> BoolArray:
     """Whether rays (..., 3) lie in the camera's photo, at least ``margin`` pixels from its edge."""
     return in_picture(camera.project(rays), camera.image_size, margin)

@@ -183,8 +183,15 @@ def connect(address: str, *, wait_s: float = WAIT_S) -> Iterator[Cluster]:
         stack.enter_context(warnings.catch_warnings())
         # It compares versions too, of more than what matters here.
         warnings.filterwarnings("ignore", message="Mismatched versions found")
+
+        class QuietClient(Client):  # type: ignore[misc]
+            """One that fails to connect would try to close, for seconds, and print a traceback."""
+
+            def __del__(self) -> None:
+                pass
+
         connect = partial(
-            Client, address, timeout=_CONNECT_S, set_as_default=False, name="cubicfish"
+            QuietClient, address, timeout=_CONNECT_S, set_as_default=False, name="cubicfish"
         )
         try:
             client = _call_within(_CONNECT_S + _SLACK_S, connect)

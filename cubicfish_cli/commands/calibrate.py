@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -47,7 +46,7 @@ from cubicfish_cli.terminal.terminal import (
     print_wrote,
     result,
 )
-from cubicfish_cli.words.phrases import counted, plural
+from cubicfish_cli.words.phrases import counted, plural, shell_line
 from cubicfish_cli.words.sentences import render, with_texts
 
 if TYPE_CHECKING:
@@ -57,6 +56,8 @@ if TYPE_CHECKING:
     from cubicfish_cli.observe import Inputs
 
 _LONGEST_TITLE = 100
+# The case of a finding: boards' places were measured, which the target's file did not know.
+_PLACED = "found"
 
 # Only a calibration makes them, for its own camera. A corners.csv may be the user's own.
 _ITS_OWN = ("map", "target")
@@ -71,6 +72,7 @@ class CalibrateOptions:
         target: the calibration target, or its file; 2D-3D pairs have none.
         correspondences: a table of 2D-3D pairs in the place of ``inputs``.
         image_size: (width, height) of the photos, for tables that do not say.
+        noise: standard deviation of the points of 2D-3D pairs along x and along y, pixels.
         folder: where camera.yaml and what goes with it is written.
         title: what the camera is called.
         refine_target: as in :func:`calibrate`; by default ``auto``.
@@ -78,6 +80,7 @@ class CalibrateOptions:
         lift: the argument of the cubics: the viewing ray, or the 3D point itself.
         most: calibrate from at most so many photos or frames, those that add most; None means 60
             frames of films, and all photos.
+        exclude: photos that are left out, by their names or by patterns.
         report: also write report.html, if the extra ``report`` is installed.
 
     Raises:
@@ -97,6 +100,12 @@ class CalibrateOptions:
         parameters.FILE,
     )
     image_size: tuple[int, int] | None = parameters.size_option
+    noise: float | None = option(
+        "--noise PX",
+        "How exact the points of 2D-3D pairs are: one standard deviation along x and along y. "
+        "Errors that this explains do not count against the camera.",
+        parameters.FloatRange(min=0, min_open=True),
+    )
     folder: StrPath = parameters.output_option(
         "Where camera.yaml, undistort_map.npz, corners.csv and report.html go.",
         default="calibration",
@@ -118,7 +127,7 @@ class CalibrateOptions:
         "--lift",
         "What the cubics are functions of: the viewing ray, as most commands need it, or the 3D "
         "point itself, as the paper has it, which holds only where the corners were.",
-        click.Choice(["ray", "point"]),
+        parameters.Choice(["ray", "point"]),
         "ray",
     )
     most: int | None = option(
@@ -127,6 +136,7 @@ class CalibrateOptions:
         f"photos, and of films {MOST} frames]",
         click.IntRange(min=1),
     )
+    exclude: StrPath | Sequence[StrPath] = parameters.exclude_option
     report: bool = parameters.report_option
 
     @cached_property
@@ -242,6 +252,9 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = Run()) -> Calibrate
     nominal = observed.nominal(options.source)
     fitted, observed = _fit(observed, options, run)
     made_by = _explain_origin(observed, nominal, goals, options, run)
+    if fitted.fit.marked is not None and options.noise is not None:
+        marked = replace(fitted.fit.marked, noise_px=options.noise)
+        fitted = replace(fitted, fit=replace(fitted.fit, marked=marked))
     fitted = replace(fitted, fit=with_texts(fitted.fit), made_by=made_by)
     contents = _make_contents(fitted, observed, goals, nominal, run)
     run.listener.progress("Writing")
@@ -263,6 +276,8 @@ def _plan(options: CalibrateOptions, run: Run) -> tuple[Plan, dict[str, Path]]:
     check_inputs(kind, inputs, options.source, run, image_size=options.image_size)
     if kind == "points" and options.refine_target is not None:
         raise UsageError("--refine-target does not go with 2D-3D pairs, which have no target")
+    if kind != "points" and options.noise is not None:
+        raise UsageError("--noise is of 2D-3D pairs: corners show by themselves how exact they are")
     if kind != "photos" and options.most is not None:
         raise UsageError("--most goes with photos and films, not with CSV files")
     run.date()  # an unusable date is an error before the work, not after
@@ -288,11 +303,19 @@ def _observe(options: CalibrateOptions, run: Run) -> Inputs:
     """Find or read the corners, or the points."""
     from cubicfish_cli.observe import load_inputs
 
-    source, most = options.source, options.most
+    source, most, size = options.source, options.most, options.image_size
     frames = Path(options.folder) / FRAMES
     photos, chosen = photos_of(options.paths, frames, source, most, run)
-    size = options.image_size
-    observed = load_inputs(options.kind, photos, source, run, image_size=size, most=most)
+    observed = load_inputs(
+        options.kind,
+        photos,
+        source,
+        run,
+        image_size=size,
+        most=most,
+        exclude=paths_of(options.exclude),
+        unplaced=True,
+    )
     run.listener.found(observed.photo_findings)
     return replace(observed, chosen=observed.chosen or chosen)
 
@@ -304,7 +327,8 @@ def _fit(
     uncertain = set(observed.pairs.image[~observed.pairs.certain].tolist())
     if options.refine_target in (None, "auto") and uncertain:
         run.listener.tell(Event.NOT_CERTAIN, photos=len(uncertain))
-    run.listener.tell(Event.FITTING, corners=len(observed.pairs.pixel))
+    points = options.kind == "points"
+    run.listener.tell(Event.FITTING, corners=len(observed.pairs.pixel), points=points)
     if options.lift == "point":
         from cubicfish.fit import calibrate_points
 
@@ -352,7 +376,8 @@ def _make_contents(
         if contents["map"] is None:
             width, height = fitted.camera.image_size
             run.listener.tell(Event.NO_MAP, width=width, height=height)
-        if fitted.refined != "off" and fitted.target is not None:
+        measured = any(one.case == _PLACED for one in fitted.fit.findings)
+        if (fitted.refined != "off" or measured) and fitted.target is not None:
             contents["target"] = fitted.target.text()
     for name, (maker, _) in extension_outputs().items():
         if name in goals:
@@ -393,12 +418,11 @@ def command(made: CalibratedFiles, given: CalibrateOptions, how: How) -> None:
     fitted, printed = made.fitted, how.print(made)
     report_left_out(fitted.unfit)
     _report_findings(fitted.fit)
-    if not printed:
-        apart()
-        result(fitted.line, mark=(fitted.verdict.words, fitted.verdict.level))
-        _print_calibration(made)
     print_removed(made.removed)
     _report_missing_page(made.files, wanted=given.report)
+    if not printed:
+        apart()
+        _print_calibration(made, given.source.path)
     figures.enforce_max_rms(fitted.fit.rms_px, how.max_rms)
 
 
@@ -410,7 +434,7 @@ def _report_missing_page(files: Mapping[str, Path], *, wanted: bool) -> None:
     if old.exists():
         print_message(f"note: {old} is of an earlier calibration")
     if wanted and extra.missing(extra.REPORT):
-        report = f"cubicfish report {shlex.quote(str(old.parent))}"
+        report = shell_line("cubicfish", "report", old.parent)
         print_message(f"No {PAGE} was written: {extra.INSTALL}, then {report!r}, makes it.")
 
 
@@ -423,37 +447,46 @@ def _report_findings(fit: FitRecord) -> None:
         print_message(f"{figures.mark_of(finding)}: {render(finding).line}")
 
 
-def _print_calibration(made: CalibratedFiles) -> None:
-    """Print the figures behind the verdict, the photos, the files, and what to do next."""
+def _print_calibration(made: CalibratedFiles, target: Path | None) -> None:
+    """Print the figures, the photos, the files, the verdict, and what to do next."""
+    from cubicfish_cli.words.camera import headline
+
     fitted, fit, detection = made.fitted, made.fitted.fit, made.inputs.detection
-    figures.print_verdict(fitted.verdict)
-    if made.advice is not None:
-        result(f"advice: {made.advice}")
-    result()
+    judged, first = fitted.verdict, headline(fitted)
+    result(f"{first}: {judged.words}", mark=(judged.words, judged.level))
+    result(f"{fitted.title}: {fitted.lens_line}\n" if fitted.title else f"{fitted.lens_line}\n")
     _print_figures(fitted)
     lost = dict.fromkeys(fitted.unfit, "left out")  # stderr has the reasons
     lost |= figures.why_lost(detection)
     by_board = figures.corners_by_board(fitted.pairs)
     rows = figures.fitted_rows(fitted, by_board, lost)
     everything = str(made.files["camera"])
-    figures.print_photo_table(rows, fitted.pairs.boards, everything=everything, apart=True)
+    figures.print_photo_table(
+        rows, fitted.pairs.boards, everything=everything, apart=True, fold=True
+    )
     result()
     _print_object(fit)
     print_wrote(made.files.values())
+    result(f"\n{first}")
+    figures.print_verdict(judged, alone=True)
+    if judged.level == "care" and any(reason.asks_for_photos for reason in judged.reasons):
+        result(f"advice: {made.advice}")
     if fit.lift == "point":
-        print_next(f"cubicfish project POINTS --model {everything}")
+        camera = made.files["camera"]
+        print_next(shell_line("cubicfish", "project", "POINTS", "--model", camera))
         return
     used = {Path(name).name for name in fitted.pairs.images}
     photo = next((photo for photo in made.inputs.photos if photo.name in used), None)
-    print_next_steps(fitted.verdict, made.files["camera"], photo, made.files.get("report"))
+    print_next_steps(judged, made.files["camera"], photo, target, made.files.get("report"))
 
 
 def _print_figures(fitted: Calibration | PointCalibration) -> None:
-    from cubicfish_cli.words.camera import pupil_meaning, scope
+    from cubicfish_cli.words.camera import scope
 
     fit, more = fitted.fit, list[tuple[str, float, str]]()
     result(
-        f"{counted(fitted.pairs.images)}, {plural(fit.corners, 'corner')} used, "
+        f"{counted(fitted.pairs.images)}, "
+        f"{plural(fit.corners, 'point' if fit.marked else 'corner')} used, "
         f"{plural(fit.dropped, 'outlier')}{' (-v lists them)' * bool(fit.dropped_corners)}\n"
     )
     if fit.lift == "point":
@@ -463,7 +496,7 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
             ("  linear, reweighted", fit.reweighted_rms_px, "over its denominators"),
         ]
     else:
-        judged = "photos judged by cameras that never saw them"
+        judged = "photos not used in the fit"
         more.append(
             ("  radial reference", fit.radial_rms_px, "a Kannala–Brandt lens, same corners")
         )
@@ -475,10 +508,6 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
     figures.print_errors(fit, more)
     for figure in scope(fitted):
         figures.print_figure(*figure)
-    if fit.pupil is not None:
-        pupil = fit.pupil
-        meaning = pupil_meaning(pupil.rim_px, pupil.distance, pupil.units)
-        figures.print_figure("entrance pupil", figures.px(abs(pupil.rim_px)), meaning=meaning)
     if fit.lift == "point":
         meaning = "P means something on the boards only; points off them are refused"
         if fit.rank == 20:
@@ -507,7 +536,7 @@ def _print_object(fit: FitRecord) -> None:
 
 
 def print_next_steps(
-    judged: Verdict, camera: Path, photo: Path | None, report: Path | None
+    judged: Verdict, camera: Path, photo: Path | None, target: Path | None, report: Path | None
 ) -> None:
     """Say what to do next, unless ``--quiet``.
 
@@ -515,23 +544,23 @@ def print_next_steps(
         judged: the camera's verdict.
         camera: its file.
         photo: one of the photos of the calibration.
+        target: the target's file, if there is one.
         report: the page about it, if there is one.
 
     """
-    lines = []
-    if judged.level == "bad":
-        lines.append(render(judged.reasons[0]).do)
-        if judged.reasons[0].asks_for_photos:
-            lines.append(f"cubicfish advise{_name_folder(camera)}")
-    else:
-        name = "PHOTO" if photo is None else shlex.quote(str(photo))
+    lines, first = [], next(iter(judged.reasons), None)
+    if judged.level == "care" or (first is not None and first.asks_for_photos):
+        lines.append(shell_line("cubicfish", "advise", *_name_folder(camera)))
+    elif first is not None and first.remedy == "correct_target" and target is not None:
+        lines.append(shell_line("cubicfish", "target", "check", target))
+    elif judged.level == "bad" and report is not None:
+        lines.append(shell_line("open", report))
+    if judged.level != "bad":
         flat = f"flat{photo.suffix.lower()}" if photo is not None else "flat.png"
-        option = f" --model{_name_folder(camera)}" if camera != DEFAULT_MODEL else ""
-        lines.append(f"cubicfish undistort {name} {flat}{option}")
-    if report is not None:
-        lines.append(f"open {shlex.quote(str(report))}")
+        option = ("--model", *_name_folder(camera)) if camera != DEFAULT_MODEL else ()
+        lines.append(shell_line("cubicfish", "undistort", photo or "PHOTO", flat, *option))
     print_next(*lines)
 
 
-def _name_folder(camera: Path) -> str:
-    return "" if camera == DEFAULT_MODEL else f" {shlex.quote(str(camera.parent))}"
+def _name_folder(camera: Path) -> list[Path]:
+    return [] if camera == DEFAULT_MODEL else [camera.parent]

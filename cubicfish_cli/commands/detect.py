@@ -33,6 +33,7 @@ class DetectOptions:
         photos: files, folders and globs.
         target: the calibration target, or its file.
         table: the corners.csv to write.
+        exclude: photos that are left out, by their names or by patterns.
         draw: a folder for a picture of what was found in each photo that could be read.
 
     """
@@ -42,6 +43,7 @@ class DetectOptions:
     )
     target: TargetSource | Target | StrPath | None = target_options
     table: StrPath = parameters.output_option("Where the corners go.", default="corners.csv")
+    exclude: StrPath | Sequence[StrPath] = parameters.exclude_option
     draw: StrPath | None = option(
         "--draw FOLDER",
         "Also write FOLDER/<photo>.png for each photo: the corners of each board in a colour of "
@@ -123,11 +125,11 @@ def detect_files(options: DetectOptions, *, run: Run = Run()) -> DetectedFiles:
 
     plan = Plan(run).reads(options.photos, source)
     plan.writes(file)
-    found = named_photos(paths_of(options.photos), run.listener)
+    found = named_photos(paths_of(options.photos), run.listener, paths_of(options.exclude))
     folder = path_or_none(options.draw)
     pictures = {} if folder is None else drawings(folder, found)
     plan.writes(*pictures.values(), within=folder)
-    detection = find_corners(found, source.load(run.listener), run)
+    detection = find_corners(found, source.load(run.listener, unplaced=True), run)
     save_corners(file, detection.corners, overwrite=run.overwrite)
     if options.draw is None:
         return DetectedFiles(detection=detection, file=file)

@@ -31,9 +31,11 @@ class EvaluateOptions:
 
     Attributes:
         inputs: photos (files, folders and globs), or one corners.csv or correspondences.csv.
-        target: the calibration target, or its file; 2D-3D pairs have none.
+        target: the calibration target, or its file; where none is known, that in the camera's
+            folder. 2D-3D pairs have none.
         camera: the file or folder of the camera.
         image_size: (width, height) of the photos, for tables that do not say.
+        exclude: photos that are left out, by their names or by patterns.
 
     """
 
@@ -45,6 +47,7 @@ class EvaluateOptions:
     target: TargetSource | Target | StrPath | None = target_options
     camera: StrPath = parameters.model_options
     image_size: tuple[int, int] | None = parameters.size_option
+    exclude: StrPath | Sequence[StrPath] = parameters.exclude_option
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,14 +99,17 @@ def evaluate_files(options: EvaluateOptions, *, run: Run = Run()) -> EvaluatedFi
 
     """
     paths, source = paths_of(options.inputs), TargetSource.of(options.target)
-    kind = kind_of_inputs(paths)
+    kind, model = kind_of_inputs(paths), in_folder(Path(options.camera))
+    if not source.is_known and kind != "points":
+        source = TargetSource.beside(model)
     check_inputs(kind, paths, source, run, image_size=options.image_size)
     from cubicfish import evaluate, load_camera
     from cubicfish_cli.observe import load_inputs
 
-    file = load_camera(in_folder(Path(options.camera)))
-    size = file.camera.image_size
-    loaded = load_inputs(kind, paths, source, run, image_size=options.image_size or size)
+    file = load_camera(model)
+    size = options.image_size or file.camera.image_size
+    exclude = paths_of(options.exclude)
+    loaded = load_inputs(kind, paths, source, run, image_size=size, exclude=exclude)
     run.listener.progress("Fitting poses")
     evaluation = evaluate(file.camera, loaded.pairs)
     fit = _match_target(file, loaded, source)

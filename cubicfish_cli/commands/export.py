@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import click
-
 from cubicfish import Run, UsageError, did_you_mean, quoted
 from cubicfish.files import StrPath
-from cubicfish_cli.extension_guard import written_formats
+from cubicfish_cli.extension_guard import Place, written_formats
 from cubicfish_cli.inputs.paths import in_folder
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal import parameters
@@ -29,11 +27,11 @@ _HELP = f"""Write the camera for another tool, and say how near its lens model c
 \b
 {chr(10).join(f"{name:<35}{what}" for name, what in FORMATS.items())}
 
-None of these formats holds a 3x20 matrix: the lens of the format is fitted to the camera over its
-field, in pixels. The RMS and the largest error are printed, with the angle up to which they hold,
-and written into the file if it takes comments. They hold up to where the calibration's corners
-reach. Beyond, the camera itself is a guess, and the error there is stated apart. A camera that was
-imported has no corners: there the whole field counts.
+What is exact holds the camera itself, in a file that needs no other. The lens of each other format
+is fitted to the camera over its field, in pixels. The RMS and the largest error are printed, with
+the angle up to which they hold, and written into the file if it takes comments. They hold up to
+where the calibration's corners reach. Beyond, the camera is extrapolated, and the error there is
+stated apart. A camera that was imported has no corners: there the whole field counts.
 
 Most programs read OPENCV_FISHEYE, which colmap writes; colmap-rad-tan-thin-prism-fisheye needs
 COLMAP 3.11 or newer.
@@ -58,7 +56,7 @@ class LensOptions:
     to: str = option(
         "--to FORMAT",
         "What to write: a name of the list above.",
-        click.Choice(list(FORMATS)),
+        parameters.Choice(list(FORMATS)),
         required=True,
     )
     output: StrPath | None = parameters.output_option(
@@ -80,9 +78,20 @@ class LensOptions:
 
 @record
 class ExportOptions(LensOptions):
-    """Options of :func:`export_files`: beside those of the lens, the camera's file or folder."""
+    """Options of :func:`export_files`, beside those of the lens.
+
+    Attributes:
+        camera: its file or folder.
+        name: what functions of source text begin with; None for "camera".
+
+    """
 
     camera: StrPath = parameters.camera_options
+    name: str | None = option(
+        "--name NAME",
+        "What the functions of source text begin with, and by default the name of its file. "
+        "[default: camera]",
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,7 +117,7 @@ class ExportedFiles:
         Keys:
             file: what was written
             format: its format
-            lens: the format's lens model (this and the rest not for --to maps)
+            lens: the format's lens model (this and the rest not where the camera is held as it is)
             rms_px: the RMS of the conversion
             max_px: its largest error
             max_angle_deg: the angle up to which these hold: how far corners reached
@@ -135,16 +144,19 @@ def export_files(options: ExportOptions, *, run: Run = Run()) -> ExportedFiles:
     from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, printed
 
     to, path = options.to, in_folder(Path(options.camera))
-    for name, given in (("--max-error", options.max_error), ("--max-angle", options.max_angle_deg)):
-        if to == "maps" and given is not None:
-            raise UsageError(f"{name} is of lens models: --to maps holds the camera as it is")
-    max_error = MAX_ERROR if options.max_error is None else options.max_error
     formats = written_formats()
     if to != "maps" and to not in formats:
         suggestion = did_you_mean(to, sorted({"maps", *formats}))
         raise UsageError(f"no format is called {quoted(to)}: {suggestion}")
-    usual = "undistort_map.npz" if to == "maps" else formats[to].file_name
-    goal = Path(options.output or usual)
+    is_exact = to != "maps" and formats[to].exact
+    for name, given in (("--max-error", options.max_error), ("--max-angle", options.max_angle_deg)):
+        if (to == "maps" or is_exact) and given is not None:
+            raise UsageError(f"{name} is of lens models: --to {to} holds the camera as it is")
+    if options.name is not None and not is_exact:
+        raise UsageError(f"--name is of functions, and --to {to} writes none")
+    max_error = MAX_ERROR if options.max_error is None else options.max_error
+    usual = Path("undistort_map.npz" if to == "maps" else formats[to].file_name)
+    goal = Path(options.output or usual.with_stem(options.name or usual.stem))
     plan = Plan(run).reads(path)
     plan.writes(goal)
     loaded = load_camera(path)
@@ -152,6 +164,10 @@ def export_files(options: ExportOptions, *, run: Run = Run()) -> ExportedFiles:
         if goal.suffix.lower() != ".npz":
             raise UsageError(f"{goal}: --to maps writes .npz; 'cubicfish map' writes others")
         save_map(goal, build_map(loaded.camera, build_view(loaded.camera)), overwrite=run.overwrite)
+        return ExportedFiles(files=[goal], record={"file": goal, "format": to})
+    if is_exact:
+        write = Place(formats[to].extension, formats[to].write).load()
+        plan.write({goal: write(loaded, to, options.name)})
         return ExportedFiles(files=[goal], record={"file": goal, "format": to})
     run.listener.progress("Fitting the other lens")
     lens = export_camera(loaded, to, max_error=max_error, max_angle_deg=options.max_angle_deg)

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from cubicfish import (
     Calibration,
     CameraFile,
@@ -19,11 +17,11 @@ from cubicfish import (
 )
 from cubicfish.fit import Conversion, to_lens
 from cubicfish.rigs import RigCamera
+from cubicfish.solve import Poses
 from cubicfish_cli import __version__
 from cubicfish_cli.extension_guard import Place, written_formats
 from cubicfish_cli.foreign.file_contents import PlacedLens
 from cubicfish_cli.foreign.foreign_files import OWN_FIELD
-from cubicfish_cli.viewpoints.truth import rotation_matrix
 
 # Of formats of one tool, the one that follows decentred lenses best.
 _NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omni"}
@@ -114,15 +112,18 @@ def export_camera(
         angle = _find_near_angle(convert, conversion, max_error)
         raise FitError(_explain_too_far(conversion, to, max_error, angle))
     trusted = min(max_angle_deg or 180.0, camera.max_angle_deg)
-    turn = conversion.lens_from_camera
+    turn, poses = conversion.lens_from_camera, calibrated.fit.poses
+    placed = Poses.of_photos(poses, [*poses])
     return Exported(
         to=to,
         lens=conversion.lens,
         conversion=conversion,
         note=_write_note(conversion, to, calibrated.made_by, trusted),
-        poses={
-            photo: (turn @ rotation_matrix(vector), turn @ np.asarray(translation))
-            for photo, (vector, translation) in calibrated.fit.poses.items()
+        poses={}
+        if placed is None
+        else {
+            photo: (turn @ placed.rotation[row], turn @ placed.translation[row])
+            for row, photo in enumerate(poses)
         },
     )
 

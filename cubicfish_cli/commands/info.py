@@ -147,13 +147,12 @@ def command(made: CameraInfo, given: InfoOptions, how: How) -> None:
 
 def _list_rows(known: CameraFile | PointCameraFile) -> list[tuple[str, str]]:
     """Return rows (name, words) of all known figures."""
-    from cubicfish_cli.words.camera import lens_rows, pictures_of
+    from cubicfish_cli.words.camera import lens_rows, pictures_of, reach_words
 
     fit, origin, pictures = known.fit, known.origin, pictures_of(known.fit)
     rows = [("size", "{} x {} px".format(*known.camera.image_size)), *lens_rows(known)]
     if known.max_angle_deg is not None:
-        reach = f"; corners reach {fit.covered_deg:.1f}°" if fit.covered_deg > 0 else ""
-        rows.append(("trusted", f"to {known.max_angle_deg:.1f}° from the axis{reach}"))
+        rows.append(("calibrated to", f"{known.max_angle_deg:.1f}° {reach_words(known)}"))
     if known.is_measured:
         out = fit.held_out_rms_px
         left_out = f", {px(out)} px on photos left out" if math.isfinite(out) else ""

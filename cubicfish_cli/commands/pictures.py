@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish import CubicfishError, Listener, Run, UsageError, ViewError, shown
-from cubicfish.files import Content
+from cubicfish import (
+    CubicfishError,
+    Listener,
+    OutputError,
+    Run,
+    UsageError,
+    ViewError,
+    shown,
+)
+from cubicfish.files import Content, Fingerprint, write_files
 from cubicfish.photos import PictureFile
 from cubicfish.views import ChosenView
 from cubicfish_cli.inputs.paths import path_or_none
@@ -20,6 +29,10 @@ from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish_cli.commands.undistort import PictureOptions
+
+
+# Says in a folder of results whose they are.
+_RECORD = ".undistorted.json"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +118,7 @@ class PicturePlan:
         beside: the masks and the virtual cameras to write.
         options: how they are rendered.
         register: what is read and written.
+        folder: where results go that keep the names of their sources; None for one file.
 
     """
 
@@ -114,6 +128,7 @@ class PicturePlan:
     beside: Sequence[Path]
     options: PictureOptions
     register: Plan
+    folder: Path | None = None
 
 
 def plan_pictures(
@@ -162,6 +177,7 @@ def plan_pictures(
         beside=beside,
         options=options,
         register=register,
+        folder=output if to_folder else None,
     )
 
 
@@ -212,22 +228,66 @@ def write_pictures(
     Raises:
         OutputError: a file beside the results cannot be written.
         ViewError: a mask or a camera would be another one for each photo.
+        OutputError: pictures that exist, and would be skipped, are another camera's.
 
     """
+    record = _find_record(plan, model)
+    write_files(record, overwrite=True)
     extras = plan.register.write(_draw_beside(plan, views)) if plan.beside else []
     if plan.kind == "video":  # one after the other, and each reports its own progress
         run = replace(run, jobs=1, listener=Listener())
     failures = write_many(plan.jobs, views.writer(plan.options.quality), run)
-    done = [job for job in plan.jobs if job.name not in failures]
+    # What another run has written in the meantime is as good.
+    late = [
+        job.name
+        for job in plan.jobs
+        if plan.options.skip_existing
+        and isinstance(failures.get(job.name), OutputError)
+        and all(path.exists() for path in job.outputs.values())
+    ]
+    failures = {name: why for name, why in failures.items() if name not in late}
+    done = [job for job in plan.jobs if job.name not in failures and job.name not in late]
     return UndistortedFiles(
         kind=plan.kind,
         written={job.name: tuple(job.outputs.values()) for job in done},
         failures=failures,
-        skipped=tuple(job.name for job in plan.skipped),
+        skipped=(*(job.name for job in plan.skipped), *late),
         model=model,
         view=views.chosen_of(done[0]) if done else None,
         extras=extras,
     )
+
+
+def _find_record(plan: PicturePlan, model: Path | None) -> dict[Path, Content]:
+    """Say in a folder of results by which camera and as which view they are made.
+
+    Returns:
+        The file to write; none where it says so already, or nobody knows what is there.
+
+    Raises:
+        OutputError: results that would be skipped are another camera's, or of another view.
+
+    """
+    if plan.folder is None or model is None:
+        return {}
+    path, digest = plan.folder / _RECORD, Fingerprint.of(model).sha256
+    own = {"camera": str(model), "sha256": digest, "view": repr(plan.options.view)}
+    try:
+        known = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        known = None
+    if not isinstance(known, dict):
+        return {} if plan.skipped else {path: json.dumps(own)}
+    if all(known.get(key) == own[key] for key in ("sha256", "view")):
+        return {}
+    if plan.skipped:
+        other = "view" if known.get("sha256") == digest else "camera"
+        raise OutputError(
+            f"{shown(plan.folder)} holds pictures of another {other} "
+            f"({shown(str(known.get('camera')))}), which --skip-existing would mix with new ones: "
+            "name another folder, or replace them with --overwrite"
+        )
+    return {path: json.dumps(own)}
 
 
 def _draw_beside(plan: PicturePlan, views: Views) -> dict[Path, Content]:

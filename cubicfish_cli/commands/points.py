@@ -41,7 +41,7 @@ class Points:
 _A_POINT = re.compile(r"[-+0-9.eE]+(,[-+0-9.eE]+)+")
 
 
-class PointsCommand(click.Command):
+class PointsCommand(parameters.Command):
     """A command whose argument may be a point that begins with a minus."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:

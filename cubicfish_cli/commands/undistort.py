@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Collection, Sequence
 from itertools import islice
@@ -56,7 +57,7 @@ class PictureOptions:
     interpolation: Interpolation = option(
         "--interpolation",
         "How values between pixels are worked out.",
-        click.Choice(get_args(Interpolation)),
+        parameters.Choice(get_args(Interpolation)),
         "linear",
     )
     quality: int | None = option(
@@ -256,7 +257,7 @@ def _make_views(
 
 @as_command(
     "undistort",
-    "Make pictures of photos and videos in which straight lines are straight.",
+    "Undistort photos and videos.",
     "cubicfish undistort photo.png flat.png",
     "cubicfish undistort photos/ flat/ --hfov 90 --size 1920x1080",
     "cubicfish undistort photo.png left.png --rotate -60,0,0 --hfov 80",
@@ -331,7 +332,10 @@ def named_sources(sources: StrPath | Sequence[StrPath]) -> list[str]:
         if source != "-":
             names.append(source)
             continue
-        listed = [name for name in (line.rstrip("\r\n") for line in sys.stdin) if name]
+        text = sys.stdin.read()
+        # As 'find -print0' has them, or a line each.
+        listed = text.split("\0") if "\0" in text else re.split("\r?\n", text)
+        listed = [name for name in listed if name.strip()]
         if not listed:
             raise click.UsageError("stdin lists no photos: give one name a line")
         names += listed

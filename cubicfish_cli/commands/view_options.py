@@ -10,6 +10,7 @@ import click
 
 from cubicfish import UsageError, listed
 from cubicfish.views import ViewOptions
+from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import (
     SIZE,
     FloatRange,
@@ -35,7 +36,7 @@ def _read_numbers(text: str, between: str) -> tuple[float | str, ...]:
         return (text,)
 
 
-class _KindOrPlane(click.Choice):
+class _KindOrPlane(parameters.Choice):
     """A kind of view, or plane:BOARD."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
@@ -108,7 +109,7 @@ def view_bundle(
             "--view KIND",
             f"What the result is: {kinds}{f'{plane_kind}--target' if planes else ''}. "
             f"[default: {kind_default}]",
-            (_KindOrPlane if planes else click.Choice)(ViewOptions.KINDS),
+            (_KindOrPlane if planes else parameters.Choice)(ViewOptions.KINDS),
         ),
         size=option("--size", f"Size of the result. [default: {size_default}]", SIZE),
         field=option(

@@ -244,7 +244,7 @@ def _decode_packets(
     source: Path, container: Any, stream: Any, size: tuple[int, int], *, whole: bool
 ) -> Iterator[Any]:
     av, times, count = library(), _Times(container, stream), 0
-    is_cut = False
+    is_cut, last, damaged = False, None, set[int | None]()
     try:
         for packet in container.demux(stream, *container.streams.audio):
             if packet.stream is not stream:
@@ -259,9 +259,11 @@ def _decode_packets(
                 is_cut = True
                 continue
             if packet.size:  # the last one only asks for frames that are held back
-                is_cut = packet.is_corrupt
+                is_cut, last = packet.is_corrupt, packet.pts
             for frame in made:
                 _refuse_another_size(source, frame, size, count)
+                if frame.is_corrupt:
+                    damaged.add(frame.pts)
                 frame.pts = times.next(frame.pts)
                 if whole or not frame.is_corrupt:
                     count += 1
@@ -271,7 +273,10 @@ def _decode_packets(
             f"{shown(source)} is damaged after frame {count} ({problem.strerror}): "
             "copy it again or cut it with ffmpeg"
         ) from problem
-    if is_cut and count and not stream.frames:  # nothing else says that some are missing
+    # Of a film that does not count its frames nothing else says that some are missing: the last
+    # packet, which frames drawn upon it may follow, is a part of one.
+    is_cut = is_cut or (last is not None and last in damaged)
+    if is_cut and count and not stream.frames:
         raise PhotoError(
             f"{shown(source)} is cut short after frame {count}: copy it again or cut it with ffmpeg"
         )

@@ -223,6 +223,8 @@ def chosen_camera(path: Path, there: Sequence[str], camera: str | None) -> str:
         return there[0]
     if camera is not None and camera in there:
         return camera
+    if [*there] == [""]:
+        raise CameraFileError(f"{path} holds one camera: leave out --camera")
     names = ", ".join(quoted(one)[1:-1] for one in there[:10]) or "none"
     more = f" and {len(there) - 10} more" if len(there) > 10 else ""
     raise CameraFileError(f"{path}: name one of its cameras with --camera: {names}{more}")

@@ -14,7 +14,6 @@ OWN_FIELD = "the camera is trusted to"
 
 _SNIFFED_BYTES = 64_000_000
 _LARGEST_DEG = 175.0  # no camera is trusted farther
-_LARGEST_DEG = 175.0  # no camera is trusted farther
 
 
 def read_foreign(
@@ -23,6 +22,7 @@ def read_foreign(
     name: str | None = None,
     camera: str | None = None,
     image_size: tuple[int, int] | None = None,
+    lens: str | None = None,
 ) -> tuple[Lens, str]:
     """Read the lens of another tool's file.
 
@@ -31,13 +31,14 @@ def read_foreign(
         name: its format, one of :func:`read_formats`; by default the content decides.
         camera: which one, of formats that hold several.
         image_size: of the photos, for formats that do not say.
+        lens: ``fisheye`` or ``pinhole``, for formats that do not say.
 
     Returns:
         The lens and the format's name.
 
     Raises:
         CameraFileError: the file is of no known format, or is damaged; one line.
-        UsageError: a camera is named though the file holds one only.
+        UsageError: a camera is named though the file holds one only, or a lens though it says so.
 
     """
     name = name or sniffed(path)
@@ -47,14 +48,18 @@ def read_foreign(
         given["camera"] = camera
     elif camera is not None:
         raise UsageError(f"{path} holds one camera: leave out --camera")
-    lens: Lens = Place(made.extension, made.read).load()(path, **given)
-    if image_size is not None and image_size != lens.image_size:
+    if lens is not None and not made.lensless:
+        raise UsageError(f"{path} says which lens it holds: leave out --lens")
+    if lens is not None:
+        given["lens"] = lens
+    found: Lens = Place(made.extension, made.read).load()(path, **given)
+    if image_size is not None and image_size != found.image_size:
         raise CameraFileError(
             "{} is for photos of {}x{} pixels, not of --size {}x{}: leave out --size".format(
-                path, *lens.image_size, *image_size
+                path, *found.image_size, *image_size
             )
         )
-    return lens, name
+    return found, name
 
 
 def own_field_deg(path: Path) -> float | None:

@@ -32,11 +32,10 @@ from cubicfish.io import PointCameraFile, load_correspondences
 from cubicfish.judge import FitRecord, PhotoRecord
 from cubicfish.models import angle_from_axis
 from cubicfish.photos import find_photos
-from cubicfish.solve import rms_px
+from cubicfish.solve import Poses
 from cubicfish.sufficiency import CoverageGaps
 from cubicfish.target.placement import best_named
 from cubicfish_cli.inputs.target_source import target_in
-from cubicfish_cli.viewpoints.truth import camera_points
 from cubicfish_cli.words.camera import photo_words
 from cubicfish_cli.words.sufficiency import summary
 
@@ -224,9 +223,12 @@ def _measure_residuals(
     if not isinstance(camera, CubicCamera) and camera.frame == "world":
         poses = {photo.image: (np.zeros(3), np.zeros(3)) for photo in fit.per_image}
     for photo, name in enumerate(pairs.images):
-        if name in poses:
+        known = Poses.of_photos(poses, [name])
+        if known is not None:
             own = pairs.image == photo
-            points[own] = camera_points(poses[name], pairs.world[own])
+            points[own] = known.apply(np.zeros(int(own.sum()), np.intp), pairs.world[own])
+    if isinstance(camera, CubicCamera):
+        camera = camera.over_corners(fit.covered_deg)
     return points, camera.project(points, near=True) - pairs.pixel
 
 
@@ -248,7 +250,7 @@ def _measure_errors(
         return None, "no corner at hand is of a photo of this fit, where the camera may be trusted"
     used, _ = pairs.select(kept).only_seen()
     residual, points = residual[kept], points[kept]
-    before, now = fit.rms_px, rms_px(residual)
+    before, now = fit.rms_px, float(np.sqrt((residual**2).sum(axis=1).mean()))
     if abs(now - before) > max(_SAME_RMS * before, _SAME_RMS_PX):
         return None, (
             f"the corners and the target at hand give an RMS of {now:.3f} px and the fit had "

@@ -9,7 +9,16 @@ from glob import has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from cubicfish import CameraFileError, CubicfishError, Listener, UsageError, quoted
+from cubicfish import (
+    CameraFileError,
+    CubicfishError,
+    Listener,
+    PhotoError,
+    UsageError,
+    did_you_mean,
+    quoted,
+    shown,
+)
 from cubicfish.files import StrPath
 
 if TYPE_CHECKING:
@@ -26,10 +35,11 @@ def in_folder(path: Path) -> Path:
     """The camera file that is meant: a folder stands for the camera.yaml in it.
 
     Raises:
-        CameraFileError: the folder has none.
+        CameraFileError: the folder has none, or the file is a photo or a film.
 
     """
     if not path.is_dir():
+        _refuse_picture(path)
         return path
     inside = path / "camera.yaml"
     if inside.exists():
@@ -43,6 +53,18 @@ def in_folder(path: Path) -> Path:
         f"{path} is a folder without a {inside.name}: name the folder that 'cubicfish "
         "calibrate' wrote, or a camera file"
     )
+
+
+def _refuse_picture(path: Path) -> None:
+    from cubicfish.photos import PictureFile
+
+    suffix, files = path.suffix.lower(), PictureFile
+    if suffix in files.SUFFIXES | files.VIDEO_SUFFIXES and path.is_file():
+        kind = "photo" if suffix in files.SUFFIXES else "video"
+        raise CameraFileError(
+            f"{shown(path)} is a {kind}, not a camera: name the folder that 'cubicfish calibrate' "
+            "wrote, or the camera.yaml in it"
+        )
 
 
 def calibration_files(model: Path) -> list[Path]:
@@ -157,11 +179,13 @@ def is_recording(path: Path) -> bool:
     return file.suffix.lower() in RECORDING_SUFFIXES
 
 
-def named_photos(inputs: Sequence[StrPath], listener: Listener) -> list[Photo]:
+def named_photos(
+    inputs: Sequence[StrPath], listener: Listener, exclude: Sequence[Path] = ()
+) -> list[Photo]:
     """The photos that are named; what may be missed among them is reported.
 
     Raises:
-        PhotoError: there are none, or one cannot be used.
+        PhotoError: there are none, or one cannot be used; as :func:`not_excluded`.
 
     """
     from cubicfish import Event
@@ -171,4 +195,34 @@ def named_photos(inputs: Sequence[StrPath], listener: Listener) -> list[Photo]:
     photos = find_photos(inputs, lines)
     for line in lines:
         listener.tell(Event.PASSED_OVER, line=line)
-    return photos
+    kept = not_excluded([(photo.name, photo.path) for photo in photos], exclude)
+    return [photos[at] for at in kept]
+
+
+def not_excluded(photos: Sequence[tuple[str, Path]], exclude: Sequence[Path]) -> list[int]:
+    """Which photos, each by its name and its file, no name and no pattern leaves out.
+
+    Raises:
+        PhotoError: a pattern means none of the photos, or no photo is left.
+
+    """
+    kept = list(range(len(photos)))
+    for pattern in exclude:
+        meant = {at for at, photo in enumerate(photos) if _is_meant(pattern, *photo)}
+        if not meant:
+            near = did_you_mean(pattern.name, [name for name, _ in photos])
+            raise PhotoError(f"--exclude {quoted(str(pattern))} is none of the photos: {near}")
+        kept = [at for at in kept if at not in meant]
+    if not kept:
+        raise PhotoError("--exclude leaves no photo")
+    return kept
+
+
+def _is_meant(pattern: Path, name: str, path: Path) -> bool:
+    """Whether a name or pattern is that of a photo, as it is called or where it is."""
+    if not pattern.name:
+        return False
+    whole, absolute = Path(os.path.abspath(path)), Path(os.path.abspath(pattern))
+    if name == str(pattern) or whole == absolute:  # brackets of a name are no pattern
+        return True
+    return any(one.match(str(by)) for one in (Path(name), whole) for by in (pattern, absolute))

@@ -48,6 +48,13 @@ class TargetSource:
             return cls(path=None if target is None else Path(target))
         return cls(given=target)
 
+    @classmethod
+    def beside(cls, camera: Path) -> TargetSource:
+        """The target of a camera's own calibration, by the camera's file; refined if it was."""
+        names = ("target.refined.yaml", "target.yaml")
+        there = (path for path in map(camera.with_name, names) if path.is_file())
+        return cls(path=next(there, None), by_default=True)
+
     @property
     def is_known(self) -> bool:
         """Whether there is any."""
@@ -76,16 +83,24 @@ class TargetSource:
             do = "name a flat checkerboard with --board 9x6 --square 25mm"
             raise CubicfishError.missing(self.path, do=do)
 
-    def load(self, listener: Listener = Listener()) -> list[Target]:
+    def load(self, listener: Listener = Listener(), *, unplaced: bool = False) -> list[Target]:
         """The target; where nobody has said whether its outer squares are dark, light ones too.
+
+        Args:
+            listener: is told which file it is, if nobody named it.
+            unplaced: whether the places of its boards may be unknown.
 
         Raises:
             TargetError: its file cannot be used.
 
         """
+        self.check()
+        targets = self._load(listener)
+        return targets if unplaced else [_refuse_unplaced(one) for one in targets]
+
+    def _load(self, listener: Listener) -> list[Target]:
         from cubicfish import Target
 
-        self.check()
         if self.by_default:
             from cubicfish import Event
 
@@ -118,7 +133,17 @@ def target_in(given: Target | StrPath) -> Target:
     """
     from cubicfish import Target
 
-    return given if isinstance(given, Target) else load_targets(Path(given))[0]
+    one = given if isinstance(given, Target) else load_targets(Path(given))[0]
+    return _refuse_unplaced(one)
+
+
+def _refuse_unplaced(target: Target) -> Target:
+    if target.unplaced:
+        raise TargetError(
+            f"board {quoted(target.unplaced[0])} has place: unknown: calibrate one camera with it, "
+            "and go on with the target.refined.yaml that 'cubicfish calibrate' writes"
+        )
+    return target
 
 
 def load_targets(path: Path) -> list[Target]:
@@ -180,6 +205,6 @@ def length_mm(text: str) -> float:
     match = re.fullmatch(rf"\s*({number})\s*({units})?\s*", text, re.I)
     value = float(match[1]) * MILLIMETRES[(match[2] or "mm").lower()] if match else 0.0
     if not 0 < value < 1e6:
-        raise TargetError(f"{quoted(text)} is no length: write it like 30mm, 3cm or 1.25in")
+        raise TargetError(f"{quoted(text)} is not a length: write it like 30mm, 3cm or 1.25in")
     # Inches are exact in binary as little as tenths are; files should still look as meant.
     return round(value, 9)

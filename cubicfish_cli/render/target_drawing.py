@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from cubicfish import FloatArray, Target
 from cubicfish.models import cone_rays
 from cubicfish.target import Board
-from cubicfish_cli.render.board_faces import dark_squares, paper
+from cubicfish_cli.render.board_shapes import dark_squares, paper
 from cubicfish_cli.render.drawing import drawing, lay_out
 
 _STYLE: dict[Any, Any] = {"svg.hashsalt": "target", "svg.fonttype": "none", "font.size": 10}

@@ -27,6 +27,7 @@ from cubicfish_cli.terminal.terminal import (
     print_table,
     result,
 )
+from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Detection, Finding, Observations, Verdict
@@ -67,14 +68,21 @@ def print_spread(errors: ErrorStatistics) -> None:
     print_figure("largest", px(errors.max_px))
 
 
-def print_verdict(judged: Verdict) -> None:
-    """Print the verdict in a line, and what else is against the camera in a line each."""
-    from cubicfish_cli.words.camera import verdict_line
+def print_verdict(judged: Verdict, *, alone: bool = False) -> None:
+    """Print the verdict in a line, and what else is against the camera in a line each.
+
+    Args:
+        judged: the verdict.
+        alone: whether the figures of a good one stand elsewhere.
+
+    """
     from cubicfish_cli.words.sentences import render
 
-    result(f"verdict: {verdict_line(judged)}", mark=(judged.words, judged.level))
-    for reason in map(render, judged.reasons[1:]):
-        result(f"  also: {reason.why}; {reason.do}")
+    first, *others = [f"{one.why}; {one.do}" for one in map(render, judged.reasons)] or [""]
+    line = first or ("" if alone else judged.figures)
+    result(f"verdict: {judged.words}{f': {line}' * bool(line)}", mark=(judged.words, judged.level))
+    for other in others:
+        result(f"  also: {other}")
 
 
 def print_report(made: ReportFiles, how: How) -> None:
@@ -102,6 +110,7 @@ ByBoard = Mapping[str, Mapping[str, int]]
 
 GOOD = "good"
 _MOST_ROWS = 12
+_MOST_GOOD = 3  # where they are folded
 _RANK: Mapping[Style, int] = {"bad": 0, "care": 1, "good": 2}
 # Below so many columns words of judgement are said shorter, and columns are left out.
 _ROOMY, _WIDE, _NARROW, _FEW_BOARDS = 100, 80, 60, 3
@@ -213,6 +222,7 @@ def print_photo_table(
     *,
     everything: str = "--json",
     apart: bool = False,
+    fold: bool = False,
 ) -> None:
     """Print one row per photo.
 
@@ -221,15 +231,20 @@ def print_photo_table(
         boards: names of the boards, in the target's order.
         everything: where all photos are, for who sees a few of them.
         apart: whether something stands before it; on a terminal something does in any case.
+        fold: whether good photos are counted, and only the worst of them shown, unless all is
+            wanted (``--verbose``).
 
     """
     room = columns_of(sys.stdout)
     chosen, width = list(rows), room or _ROOMY
     if apart or room is not None:
         result()
-    if room is not None and len(rows) > _MOST_ROWS and verbosity() <= 0:
-        chosen = sorted(rows, key=_rank_badness)[:_MOST_ROWS]
-        result(f"The odd ones and the worst of {len(rows):,} photos:\n")
+    good = sum(row.level == "good" for row in rows)
+    if verbosity() <= 0 and (fold or room is not None):
+        most = len(rows) - good + _MOST_GOOD if fold else _MOST_ROWS
+        if len(rows) > min(most, _MOST_ROWS):
+            chosen = sorted(rows, key=_rank_badness)[: min(most, _MOST_ROWS)]
+            result(f"The worst of {len(rows):,} photos:\n")
     if width < _ROOMY:
         chosen = [replace(row, words=row.short or row.words) for row in chosen]
     columns = _choose_columns(rows, boards, width)
@@ -239,7 +254,10 @@ def print_photo_table(
         styles=[row.level for row in chosen],
     )
     if len(chosen) < len(rows):
-        result(f"\nand {len(rows) - len(chosen):,} more; all of them: -v, or {everything}")
+        number = (
+            f"{plural(good, 'photo')} good" if good else f"{plural(len(rows), 'photo')}, none good"
+        )
+        result(f"\n{number}; all of them: -v, or {everything}")
 
 
 def _rank_badness(row: PhotoRow) -> tuple[int, float]:

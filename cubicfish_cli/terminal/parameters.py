@@ -6,10 +6,10 @@ import functools
 import math
 import os
 import re
-import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from glob import glob
 from itertools import pairwise
 from pathlib import Path
@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 import click
 from click.core import ParameterSource
 
-from cubicfish import CameraFileError, CubicfishError, UsageError, quoted
+from cubicfish import CameraFileError, CubicfishError, UsageError, did_you_mean, quoted
 from cubicfish.arguments import refuse_misfit
 from cubicfish_cli.inputs.paths import in_folder
+from cubicfish_cli.words.phrases import shell_line
 
 if TYPE_CHECKING:
     from cubicfish_cli.inputs.target_source import TargetSource
@@ -39,7 +40,7 @@ class FloatRange(click.FloatRange):
         return number
 
 
-Command = TypeVar("Command", bound=click.Command)
+AnyCommand = TypeVar("AnyCommand", bound=click.Command)
 
 Kind = TypeVar("Kind")
 
@@ -179,6 +180,34 @@ def argument(meaning: str, *, type: click.ParamType = FILE, **more: Any) -> Any:
     return Option(make=make, default=default, is_required=needed)
 
 
+class Choice(click.Choice):  # type: ignore[type-arg, unused-ignore]
+    """One of some words; for another one the nearest is proposed."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """As click does."""
+        try:
+            return super().convert(value, param, ctx)
+        except click.BadParameter:
+            near = did_you_mean(str(value), map(str, self.choices))
+            self.fail(f"{quoted(str(value))} is not known: {near}", param, ctx)
+
+
+class Command(click.Command):
+    """A command that proposes an option only where its word is near."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does, which takes the dashes for a part of the word."""
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as problem:
+            known = {word.lstrip("-"): word for one in self.params for word in one.opts}
+            word = problem.option_name.lstrip("-")
+            near = [known[one] for one in get_close_matches(word, known)]
+            raise click.NoSuchOption(
+                problem.option_name, possibilities=near, ctx=problem.ctx
+            ) from problem
+
+
 class Parsed(click.ParamType):
     """What a function makes of a word of the command line.
 
@@ -275,7 +304,7 @@ def as_command(
                 raise click.UsageError(render_error(problem)) from problem
 
         params = options.parameters() + ways.parameters()
-        shown = {"short_help": short_help, "epilog": examples(*lines), **more}
+        shown = {"cls": Command, "short_help": short_help, "epilog": examples(*lines), **more}
         made = common_options(click.command(name, params=params, **shown)(command))
         vars(made)["do"] = do  # whose result says what --json prints
         return made
@@ -370,15 +399,15 @@ def _make_callback(
     return callback
 
 
-def common_options(command: Command) -> Command:
+def common_options(command: AnyCommand) -> AnyCommand:
     """``-v``, ``-q`` and ``--debug``; they may stand before or after the command's name."""
     common = [
         option(
             words, help, expose_value=False, is_eager=True, callback=_make_callback(key, value)
         ).make(to)
         for key, value, words, to, help in (
-            (VERBOSITY_KEY, 1, "-v --verbose", "verbose", "Say more."),
-            (VERBOSITY_KEY, -1, "-q --quiet", "quiet", "Say nothing but results and errors."),
+            (VERBOSITY_KEY, 1, "-v --verbose", "verbose", "Verbose output."),
+            (VERBOSITY_KEY, -1, "-q --quiet", "quiet", "Print only results and errors."),
             (DEBUG_KEY, True, "--debug", "debug", "Show the traceback of an error."),
         )
     ]
@@ -402,7 +431,7 @@ def command_line() -> str:
             words += map(str, value if isinstance(value, tuple) else [value])
         elif _makes_the_camera(context, parameter):
             words += _written_option(parameter, value)
-    return shlex.join(words)
+    return shell_line(*words)
 
 
 def _makes_the_camera(context: click.Context, parameter: click.Parameter) -> bool:
@@ -574,6 +603,13 @@ def output_option(
     return option(f"-o --output {words}", help, kind, default, **more)
 
 
+exclude_option = option(
+    "--exclude PHOTO",
+    "Leave this photo out, or those of a pattern such as 'blurred_*'; may be repeated.",
+    str,
+    multiple=True,
+)
+
 json_option = option("--json", "Print one JSON object to stdout, and nothing else.")
 
 
@@ -600,7 +636,7 @@ max_rms_option = option(
 
 def refine_target_option(help: str, default: str | None = "auto") -> Any:
     """``--refine-target``: how far the target is fitted too."""
-    levels = click.Choice(["off", "shape", "points", "auto"])
+    levels = Choice(["off", "shape", "points", "auto"])
     return option("--refine-target", help, levels, default)
 
 

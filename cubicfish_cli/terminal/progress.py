@@ -1,6 +1,7 @@
 """Listening to the library on the terminal: a line of progress, and what is reported below it.
 
-The line is on stderr, on a terminal only, and leaves nothing behind.
+The line is on stderr and leaves nothing behind; where stderr is no terminal, such as a file, there
+is a line every few seconds.
 """
 
 from __future__ import annotations
@@ -9,12 +10,14 @@ import atexit
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
+from io import UnsupportedOperation
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import Timer
-from typing import TYPE_CHECKING, Any
+from threading import Event, Thread, Timer
+from time import monotonic
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
@@ -38,15 +41,18 @@ from cubicfish_cli.terminal.terminal import (
 from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish import Event, Finding
+    from cubicfish import Event as Told
+    from cubicfish import Finding
     from cubicfish.workers import Executor
 
 
 # What is done sooner shows no line: it would only flash.
 _PATIENCE_SECONDS = 0.4
+EVERY_SECONDS = 5.0
+"""Where lines cannot be wiped away, one comes so often."""
 # The ^C that a terminal echoes must not begin a second line.
 _SPARE = 3
-_BAR, _LEAST_FOR_BAR = 24, 100
+_BAR, _LEAST_FOR_BAR = 12, 80
 
 
 class _Shown(Listener):
@@ -55,18 +61,18 @@ class _Shown(Listener):
     def __init__(self) -> None:
         self._notes = click.get_current_context().meta
         self._step: str | None = None
-        self._line: _Line | None = None
+        self._line: _Line | _Lines | None = None
 
     def progress(self, step: str, done: float = 0, total: float = 0, now: str = "") -> None:
         if step != self._step:
             self.interrupt()
             self._step = step
-            if can_redraw(sys.stderr) and verbosity() >= 0:
-                self._line = _Line(step)
+            if verbosity() >= 0:
+                self._line = _Line(step) if can_redraw(sys.stderr) else _Lines.of(step)
         if self._line is not None and (now or done or total):
             self._line.show(done, total, now)
 
-    def tell(self, event: Event, **figures: Any) -> None:
+    def tell(self, event: Told, **figures: Any) -> None:
         self.interrupt()
         from cubicfish_cli.words.sentences import render_event
 
@@ -100,10 +106,7 @@ class _Line:
         from rich.console import Console
         from rich.table import Column
 
-        # A descriptor of its own: decoders on other threads have theirs silenced meanwhile.
-        self._stream = os.fdopen(
-            os.dup(sys.stderr.fileno()), "w", encoding=sys.stderr.encoding, errors=ERRORS
-        )
+        self._stream = _open_stderr()
         console = Console(file=self._stream, highlight=False, markup=False, emoji=False)
         roomy = console.width >= _LEAST_FOR_BAR
         console.width -= _SPARE
@@ -120,7 +123,7 @@ class _Line:
             redirect_stdout=False,
             expand=True,
         )
-        self._task = self._progress.add_task(self._make_plain(step), total=None, counts="")
+        self._task = self._progress.add_task(_make_plain(step, self._stream), total=None, counts="")
         self._timer = Timer(_PATIENCE_SECONDS, self._progress.start)
         self._timer.daemon = True
         self._timer.start()
@@ -134,15 +137,64 @@ class _Line:
 
     def show(self, done: float, total: float, now: str) -> None:
         """Show how much is done, as a listener hears it."""
-        counts = f"{done:,.0f}/{total:,.0f}" if total else f"{done:,.0f}"
-        more: dict[str, Any] = {"counts": counts}
-        if now:
-            words = self._make_plain(now[:1].upper() + now[1:])
-            more = {"counts": f"{100 * done:.0f} %", "description": words}
-        self._progress.update(self._task, completed=done, total=total or None, **more)
+        words = _make_plain(_capitalised(now), self._stream) if now else None
+        counts = _count(done, total, now)
+        self._progress.update(
+            self._task, completed=done, total=total or None, description=words, counts=counts
+        )
 
-    def _make_plain(self, words: str) -> str:
-        return as_shown(safe(words), self._stream)
+
+class _Lines:
+    """Lines on stderr where it is no terminal, such as a file: what is done, every few seconds."""
+
+    def __init__(self, step: str) -> None:
+        self._stream, self._words, self._counts = _open_stderr(), step, ""
+        self._ended, self._begun = Event(), monotonic()
+        self._thread = Thread(target=self._tell, daemon=True)
+        self._thread.start()
+
+    @classmethod
+    def of(cls, step: str) -> _Lines | None:
+        """Begin a step; None where stderr is a program's own object."""
+        with suppress(UnsupportedOperation):
+            return cls(step)
+        return None
+
+    def close(self) -> None:
+        """Say no more."""
+        self._ended.set()
+        self._thread.join()
+        self._stream.close()
+
+    def show(self, done: float, total: float, now: str) -> None:
+        """Take down how much is done, as a listener hears it."""
+        self._words = _capitalised(now) or self._words
+        self._counts = _count(done, total, now)
+
+    def _tell(self) -> None:
+        while not self._ended.wait(EVERY_SECONDS):
+            done = f": {self._counts}" if self._counts else ""
+            line = f"{self._words}{done}, {monotonic() - self._begun:.0f} s"
+            print(_make_plain(line, self._stream), file=self._stream, flush=True)
+
+
+def _open_stderr() -> TextIO:
+    """A descriptor of its own: decoders on other threads have theirs silenced meanwhile."""
+    return os.fdopen(os.dup(sys.stderr.fileno()), "w", encoding=sys.stderr.encoding, errors=ERRORS)
+
+
+def _make_plain(words: str, stream: TextIO) -> str:
+    return as_shown(safe(words), stream)
+
+
+def _capitalised(words: str) -> str:
+    return words[:1].upper() + words[1:]
+
+
+def _count(done: float, total: float, now: str) -> str:
+    if now:
+        return f"{100 * done:.0f} %"
+    return f"{done:,.0f}/{total:,.0f}" if total else f"{done:,.0f}"
 
 
 def report_found(findings: Sequence[Finding], mark: str = "") -> None:

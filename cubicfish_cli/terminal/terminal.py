@@ -71,7 +71,7 @@ def print_removed(paths: Iterable[Path]) -> None:
 
 def print_next(*lines: str) -> None:
     """Print what to do next, in command lines, unless ``--quiet``."""
-    if verbosity() >= 0:
+    if verbosity() >= 0 and lines:
         result()
         for line, before in zip(lines, ["Next: ", *["      "] * len(lines)], strict=False):
             result(before + line, whole=True)

@@ -6,7 +6,6 @@ the source are negative, or beyond the frame where a format has no negative numb
 The virtual camera of a view is written as a file in plain YAML.
 """
 
-import shlex
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -19,6 +18,7 @@ from cubicfish import OutputError, UndistortMap, UsageError, View
 from cubicfish.files import Content
 from cubicfish.views import CentralView, MapInBands
 from cubicfish_cli.undistortion.images import encode_picture, part_name
+from cubicfish_cli.words.phrases import shell_line
 
 Floats = npt.NDArray[np.float32]
 Shorts = npt.NDArray[np.uint16]
@@ -98,8 +98,9 @@ def pgm_values(pixel_map: UndistortMap) -> tuple[Shorts, Shorts]:
 
 def ffmpeg_command(path_x: Path, path_y: Path) -> str:
     """The command line that applies a pair of PGM files to a video."""
-    maps = f"-i {shlex.quote(str(path_x))} -i {shlex.quote(str(path_y))}"
-    return f"ffmpeg -i in.mp4 {maps} -lavfi remap=fill=black -c:a copy out.mp4"
+    inputs = ("-i", "in.mp4", "-i", path_x, "-i", path_y)
+    how = ("-lavfi", "remap=fill=black", "-c:a", "copy", "out.mp4")
+    return shell_line("ffmpeg", *inputs, *how)
 
 
 def map_paths(output: Path, parts: Sequence[str] = ("",)) -> dict[str, tuple[Path, ...]]:

@@ -56,6 +56,7 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 # Frames between one thread and the next: enough to even out their pace.
 _QUEUE = 4
+_BYTE = 8
 # Codecs whose colour samples lie in the middle of their columns. Those of all other codecs, also of
 # those that are written, lie on the first column, unless a video says otherwise; hardly any does.
 _CENTRED = frozenset(["mjpeg"])
@@ -63,6 +64,51 @@ _CENTRED = frozenset(["mjpeg"])
 # Planes of green, blue and red. They are kept where the options allow no loss: H.264 has an encoder
 # of its own for them, others take them as they are.
 _RGB = "gbrp"
+
+
+_TAGS = ("color_range", "color_primaries", "color_trc", "colorspace")
+# As H.264 numbers them.
+_LIMITED, _FULL = 1, 2
+_AS_RGB, _BT601 = 0, 5
+
+
+class _Colours(NamedTuple):
+    """How pictures are written: what is said of them follows from this, not from the source.
+
+    Attributes:
+        format: of the pixels.
+        tags: of the stream: how its numbers are to be read.
+        black: numbers of black, one for each plane.
+        convert: how pictures of another format become such, for PyAV.
+
+    """
+
+    format: str
+    tags: dict[str, int]
+    black: tuple[int, ...]
+    convert: dict[str, Any]
+
+    @classmethod
+    def of(cls, context: Any, written: str) -> _Colours:
+        """Of a source's codec and the format that is written."""
+        tags = {
+            name: value for name in _TAGS if (value := getattr(context, name, None)) is not None
+        }
+        given, kind, convert = context.format, library().VideoFormat(written), dict[str, Any]()
+        if kind.is_rgb:
+            tags |= {"color_range": _FULL, "colorspace": _AS_RGB}
+            return cls(written, tags, (0, 0, 0), convert)
+        if given.is_rgb or given.has_palette:
+            from av.video.reformatter import ColorRange, Colorspace
+
+            convert = {"dst_colorspace": Colorspace.ITU601, "dst_color_range": ColorRange.MPEG}
+            tags |= {"color_range": _LIMITED, "colorspace": _BT601}
+        elif len(kind.components) == 1 and tags.get("color_range") != _LIMITED:
+            tags["color_range"] = _FULL  # as FFmpeg takes grey of which nothing is said
+        bits = kind.components[0].bits
+        full = written.startswith("yuvj") or tags.get("color_range") == _FULL
+        middle = 2 ** (bits - 1)
+        return cls(written, tags, (0 if full else 2 ** (bits - 4), middle, middle), convert)
 
 
 class _Rendered(NamedTuple):
@@ -144,6 +190,13 @@ class VideoViews(Views):
         if remapper.turned_deg:
             turned_deg = remapper.turned_deg
             self._listener.tell(Event.VIDEO_TURNED, video=output, turned_deg=turned_deg)
+        if remapper.interlaced:
+            self._listener.tell(Event.VIDEO_INTERLACED, video=output)
+        if remapper.reduced:
+            written = remapper.colours.format
+            self._listener.tell(
+                Event.VIDEO_REDUCED, video=output, given=remapper.reduced, written=written
+            )
         if not missing:
             return None
         return PhotoError(
@@ -161,7 +214,7 @@ class VideoViews(Views):
             writer = _Writer(path, output, container, stream, made, self._crf)
             with closing(writer):
                 codec = stream.codec_context.name
-                remapper = _PlaneRemapper(made, self.interpolation, writer.pixel_format, codec)
+                remapper = _PlaneRemapper(made, self.interpolation, writer.colours, codec)
                 frames, missing = _run(source, container, stream, remapper, writer, progress)
         return _Rendered(remapper, frames, missing)
 
@@ -239,34 +292,41 @@ class _Writer:
             )
         context = self._stream.codec_context
         width, height = undistort_map.view.size
-        self.pixel_format = _RGB if rgb else self._choose_format(stream.codec_context.pix_fmt)
-        _, across, down = _find_layout(self.pixel_format)
+        written = _RGB if rgb else self._choose_format(stream.codec_context.pix_fmt)
+        self.colours = _Colours.of(stream.codec_context, written)
+        _, across, down = _find_layout(written)
         if (across and width % across) or (down and height % down):
             self._container.close()
             raise ViewError(
-                f"{self.pixel_format} video has even sides, which {width}x{height} has not: "
+                f"{written} video has even sides, which {width}x{height} has not: "
                 f"choose --size {width + width % 2}x{height + height % 2}"
             )
         self._stream.width, self._stream.height = width, height
-        self._stream.pix_fmt = "bgr24" if codec == "libx264rgb" else self.pixel_format
+        self._stream.pix_fmt = "bgr24" if codec == "libx264rgb" else written
         context.time_base = stream.time_base
-        for name in ("color_range", "color_primaries", "color_trc", "colorspace"):
-            value = getattr(stream.codec_context, name, None)
-            if value is not None:
-                setattr(context, name, value)
+        for name, value in self.colours.tags.items():
+            setattr(context, name, value)
         with self._explain_errors():
             self._audio = {
                 audio.index: self._container.add_stream_from_template(audio)
                 for audio in source.streams.audio
             }
+        streams = [(stream, self._stream)]
+        streams += [(audio, self._audio[audio.index]) for audio in source.streams.audio]
+        for given_stream, made in streams:  # languages and titles
+            made.metadata.update(given_stream.metadata)
         self._container.metadata.update(source.metadata)
 
     def _choose_format(self, wanted: str) -> str:
         """The source's own format if the encoder takes it, or the nearest one that it takes."""
         usable = {one.name for one in self._stream.codec_context.codec.video_formats or []}
-        deep = ["yuv420p10le"] if "10" in wanted or "12" in wanted else []
+        components = self._av.VideoFormat(wanted).components
+        near = ["gray10le", "gray"] if len(components) == 1 and "pal" not in wanted else []
+        near += ["yuv420p10le"]
+        if components[0].bits <= _BYTE:
+            near = [name for name in near if "10" not in name]
         known = [wanted] if _has_planes(wanted) else []
-        return next((name for name in [*known, *deep] if name in usable), "yuv420p")
+        return next((name for name in [*known, *near] if name in usable), "yuv420p")
 
     def write(self, item: Any) -> None:
         """Encode a frame, or copy a packet of audio."""
@@ -310,32 +370,32 @@ class _PlaneRemapper:
         self,
         undistort_map: UndistortMap,
         interpolation: Interpolation,
-        pixel_format: str,
+        colours: _Colours,
         codec: str,
     ) -> None:
         """Prepare for frames of a codec."""
-        bits, across, down = _find_layout(pixel_format)
-        self._format, self._size = pixel_format, undistort_map.view.size
+        bits, across, down = _find_layout(colours.format)
+        self.colours, self._size = colours, undistort_map.view.size
         self._dtype = np.dtype(np.uint8 if bits == 8 else np.uint16)
-        self._bits = bits
         self._interpolation = interpolation
         self._maps = [undistort_map]
         if across:
             chroma = _make_chroma_maps(undistort_map, across, down, centred=codec in _CENTRED)
             self._maps += [chroma, chroma]
-        self._values: tuple[int, ...] | None = None
-        self.turned_deg = 0
+        self.turned_deg, self.interlaced, self.reduced = 0, False, ""
 
     def __call__(self, frame: av.VideoFrame) -> av.VideoFrame:
         """A frame of the source -> the same of the view."""
         pyav = library()
-        given = frame if frame.format.name == self._format else frame.reformat(format=self._format)
-        made = pyav.VideoFrame(*self._size, self._format)
-        if self._values is None:
-            self._values = _find_black(self._bits, frame)
+        given, wanted = frame, self.colours.format
+        if frame.format.name != wanted:
+            given = frame.reformat(format=wanted, **self.colours.convert)
+            self.reduced = self.reduced or frame.format.name * _holds_less(frame.format, wanted)
+        made = pyav.VideoFrame(*self._size, wanted)
+        self.interlaced = self.interlaced or bool(frame.interlaced_frame)
         self.turned_deg = self.turned_deg or int(getattr(frame, "rotation", 0) or 0)
         for plane, out, own, value in zip(
-            given.planes, made.planes, self._maps, self._values, strict=False
+            given.planes, made.planes, self._maps, self.colours.black, strict=False
         ):
             flat = own.render(self._get_pixels(plane), self._interpolation, value)
             self._get_pixels(out)[...] = flat
@@ -387,10 +447,8 @@ def _make_chroma_maps(
     return replace(undistort_map, map_x=map_x, map_y=map_y, valid=inside, image_size=size)
 
 
-def _find_black(bits: int, frame: av.VideoFrame) -> tuple[int, int, int]:
-    """Brightness and two colour differences of black in this video."""
-    if frame.format.is_rgb:
-        return 0, 0, 0
-    full = frame.format.name.startswith("yuvj") or int(getattr(frame, "color_range", 0) or 0) == 2
-    middle = 2 ** (bits - 1)
-    return 0 if full else 2 ** (bits - 4), middle, middle
+def _holds_less(given: Any, written: str) -> bool:
+    """Whether a format has fewer bits or fewer samples of colour than the one that was given."""
+    (bits, *mine), (had, *theirs) = _find_layout(written), _find_layout(given.name)
+    coarser = any(own > other for own, other in zip(mine, theirs, strict=True) if other)
+    return had > bits or coarser

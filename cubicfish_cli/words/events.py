@@ -95,8 +95,7 @@ def _looking(photos: int) -> str:
 
 @WORDS.event(Event.LOOKED_AGAIN)
 def _looked_again(corners: int) -> str:
-    added = plural(corners, "corner")
-    return f"A second look, where a fitted camera expects them, added {added}."
+    return f"{plural(corners, 'more corner')} found with the fitted camera."
 
 
 @WORDS.event(Event.NOT_CERTAIN)
@@ -109,8 +108,8 @@ def _not_certain(photos: int) -> str:
 
 
 @WORDS.event(Event.FITTING)
-def _fitting(corners: int) -> str:
-    return f"Fitting to {plural(corners, 'corner')}."
+def _fitting(corners: int, points: bool = False) -> str:
+    return f"Fitting to {plural(corners, 'point' if points else 'corner')}."
 
 
 @WORDS.event(Event.NO_MAP)
@@ -140,6 +139,19 @@ def _without_pose(photos: int) -> str:
 def _video_turned(video: Any, turned_deg: int) -> str:
     turned = f"{video}: the source tells players to turn it by {turned_deg}°"
     return f"{turned}, which the result does not: turn it with --rotate 0,0,DEG"
+
+
+@WORDS.event(Event.VIDEO_INTERLACED)
+def _video_interlaced(video: Any) -> str:
+    return (
+        f"{video}: the source is interlaced, and the result mixes both fields: deinterlace it "
+        "first (ffmpeg -vf yadif)"
+    )
+
+
+@WORDS.event(Event.VIDEO_REDUCED)
+def _video_reduced(video: Any, given: str, written: str) -> str:
+    return f"{video}: pictures of {given} are written as {written}, which holds less"
 
 
 @WORDS.event(Event.RENDERED_FLAT)

@@ -33,7 +33,7 @@ WORDS = Words(
         ),
         (Code.TOO_FEW_CORNERS, ""): Said("too few corners to be placed"),
         (Code.NO_ERROR, ""): Said(
-            "its error is not known: the place of its corners on the board is uncertain",
+            "cannot tell which corners of the board these are",
             do="show more of the board",
         ),
         (Code.NO_ERROR, "short"): Said("no error known"),
@@ -70,7 +70,9 @@ def _large_errors_elsewhere(error_px: float) -> Said:
 
 @WORDS.finding(Code.FEW_CORNERS)
 def _few_corners(corners: float) -> Said:
-    what = f"{corners:.0f} corners are few: some hundreds make a good camera"
+    what = (
+        f"{plural(corners, 'corner')} {pick(corners, 'is', 'are')} too few; aim for several hundred"
+    )
     return Said(what, do="take more photos, or use boards with more squares")
 
 
@@ -101,9 +103,9 @@ def _radial_is_nearer(radial_px: float, held_out_px: float) -> Said:
 
 @WORDS.finding(Code.FEW_PHOTOS_OF_A_PLANE)
 def _few_photos_of_a_plane(photos: int, bad: bool) -> Said:
-    are = pick(bad, "do not tell a lens from the board's poses", "are few")
-    what = f"{plural(photos, 'photo')} of one flat board {are}"
-    return Said(what, do="take ten or more, tilted, near and far, out to the rim")
+    few = f"{plural(photos, 'photo')} of one flat board {pick(photos, 'is', 'are')} too few"
+    what = few + " to separate the lens from the board's poses" * bad
+    return Said(what, do="take ten: tilted, near and far, out to the rim")
 
 
 @WORDS.finding(Code.WORSE_AT_THE_RIM)
@@ -118,18 +120,16 @@ def _worse_at_the_rim(middle_px: float, rim_px: float, from_deg: float) -> Said:
 @WORDS.finding(Code.EXTRAPOLATED)
 def _extrapolated(covered_deg: float, around_deg: float, edge_px: float) -> Said:
     return Said(
-        f"corners reach {covered_deg:.0f}° from the axis on some sides, and only {around_deg:.0f}° "
-        "on all sides: beyond that the camera is extrapolated, and uncertain by "
-        f"{edge_px:.2g} px at the field's edge",
+        f"the field is covered all round only to {around_deg:.0f}° (to {covered_deg:.0f}° on the "
+        "best side); beyond that the camera is extrapolated, with an uncertainty of "
+        f"{edge_px:.2g} px at the edge",
         do="take photos with the target at the rim on the other sides",
     )
 
 
 @WORDS.finding(Code.LOW_COVERAGE)
 def _low_coverage(share: float) -> Said:
-    what = (
-        f"corners cover only {whole(share)} of the field, and the figures say nothing of the rest"
-    )
+    what = f"corners cover {whole(share)} of the field; the rest is unchecked"
     return Said(what, do="take photos with the target in the empty parts")
 
 
@@ -152,27 +152,27 @@ def _low_rank(case: str, rank: float, full: int) -> Said:
 
 @WORDS.finding(Code.UNCERTAIN)
 def _uncertain(median_px: float) -> Said:
-    what = f"its pixels are uncertain by {median_px:.2f} px"
     return Said(
-        f"{what} (one standard deviation, median over the field)",
-        do="take more photos with tilted boards, or sharper ones, or use boards with more squares",
+        f"uncertainty is {median_px:.2f} px (1σ, median over the field)",
+        do="take more photos with tilted boards, take sharper ones, or use boards with more "
+        "squares",
     )
 
 
 @WORDS.finding(Code.UNCERTAIN, "evaluation")
 def _uncertain_elsewhere(median_px: float) -> Said:
     return Said(
-        f"the camera itself is uncertain by {median_px:.2f} px where these corners are (one "
-        "standard deviation, median), which poses fitted to them hide",
-        do="calibrate from more photos with tilted boards, or from sharper ones, or use boards "
+        f"the camera's own uncertainty at these corners is {median_px:.2f} px (1σ, median); the "
+        "poses fitted here hide it",
+        do="calibrate from more photos with tilted boards or from sharper ones, or use boards "
         "with more squares",
     )
 
 
-@WORDS.finding(Code.UNCERTAIN, "somewhere")
-def _uncertain_somewhere(max_px: float) -> Said:
-    what = f"its pixels are uncertain by up to {max_px:.2f} px at the worst place of the field"
-    return Said(what, do="take photos with corners there (the map of uncertainty shows where)")
+@WORDS.finding(Code.UNCERTAIN, "rim")
+def _uncertain_rim(p95_px: float, goal_px: float) -> Said:
+    what = f"uncertainty is {p95_px:.2f} px over 95 % of the field, where {goal_px:.2g} px is good"
+    return Said(what, do="take more photos with corners out to the rim")
 
 
 @WORDS.finding(Code.MANY_OUTLIERS)
@@ -269,7 +269,7 @@ def _board_dropped(
 
 @WORDS.finding(Code.STANDS_OUT)
 def _stands_out(times: float) -> Said:
-    return Said(f"{times:.0f} times the others' error", do="look at it")
+    return Said(f"{times:.0f} times the others' error", do="look at it, or --exclude it")
 
 
 @WORDS.finding(Code.STANDS_OUT, "short")

@@ -15,6 +15,11 @@ _IN_VIEW = "is a board in view, whole squares of it, sharp and not covered?"
 _FOCUS = "focus, and hold the camera still"
 _COVERED = "is the board covered, in a shadow, bent, or are its squares not square?"
 _BY_ITSELF = "calibrate each size by itself"
+_MARKERS_LARGE = "are markers at least about 15 pixels wide, and sharp?"
+_LAID_OUT = (
+    "are corners (or tags), first_square and first_marker of the boards right, and markers at "
+    "least about 15 pixels wide?"
+)
 _MARKERS_HERE = (
     "are dictionary (or family) and first_marker right, and are markers at least about 15 pixels "
     "wide?"
@@ -131,9 +136,28 @@ def _dots(dots: int, photos: int = 0) -> Said:
     return _no_board(f"a grid of about {dots} dots", do, photos)
 
 
+@WORDS.finding(Code.NO_MARKERS, "unplaced")
+def _unplaced_markers(markers: int) -> Said:
+    if markers == 1:
+        return Said("only one of the target's markers was read", do=_MARKERS_LARGE)
+    return Said(
+        f"{markers} of the target's markers were read, and do not agree on where the board is",
+        do=_LAID_OUT,
+    )
+
+
+@WORDS.finding(Code.NO_MARKERS, "unplaced_in_all")
+def _unplaced_markers_in_all(says: str, photos: int, markers: int) -> Said:
+    return Said(
+        f"{markers} of the target's markers ({says}) were read in {plural(photos, 'photo')}, and "
+        "do not agree on where the board is",
+        do=_LAID_OUT,
+    )
+
+
 @WORDS.finding(Code.NO_MARKERS, "many")
 def _no_markers_in_many(left_out: int, photos: int) -> Said:
-    what = "squares were found but none of the target's markers"
+    what = "squares were found, but too few of the target's markers or none"
     return Said(f"{_many(left_out, photos)} {what}", do=_MARKERS_HERE)
 
 
@@ -171,10 +195,10 @@ def _grid(grids: int, columns: int, rows: int, corners: int) -> str:
 
 @WORDS.finding(Code.BY_CONVENTION)
 def _by_convention(grids: int, columns: int, rows: int, corners: int) -> Said:
+    placed = pick(grids, "it is placed in the board's middle", "each is placed in its middle")
     return Said(
-        f"{_grid(grids, columns, rows, corners)} may show only a part of the board, and is placed "
-        "in its middle",
-        do="where it is does not matter to the lens, only to measuring the board",
+        f"{_grid(grids, columns, rows, corners)} may show only part of the board; {placed}",
+        do="this does not matter for the lens, only for measuring the board",
     )
 
 

@@ -1,14 +1,28 @@
 """Plurals, lists, shares and lengths in sentences."""
 
 import math
+import os
+import shlex
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 from cubicfish.files import FrameName
 from cubicfish.target import MILLIMETRES
 
 _MOST_FILMS = 3
 _IMPERIAL = ("in", "inch", "inches", "ft")
+
+
+def shell_line(*words: object) -> str:
+    """A command that can be pasted into a shell, whatever its words are.
+
+    A path that begins like an option gets its folder before it.
+    """
+    return shlex.join(
+        f".{os.sep}{word}" if isinstance(word, Path) and str(word)[:1] == "-" else str(word)
+        for word in words
+    )
 
 
 def plural(number: float, what: str) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from cubicfish import CubicfishError, Finding
 from cubicfish.judge import FindingText
 from cubicfish_cli.extension_guard import Place, extensions
-from cubicfish_cli.words import events, fit, photos, set_up
+from cubicfish_cli.words import events, fit, photos, points, set_up
 from cubicfish_cli.words.table import Words
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def all_words() -> Words:
     more = [words for place in places if (words := place.load_or_leave_out(Words)) is not None]
     every = Words()
     # No extension says the program's own sentences otherwise.
-    for words in (*more, set_up.WORDS, fit.WORDS, photos.WORDS, events.WORDS):
+    for words in (*more, set_up.WORDS, fit.WORDS, points.WORDS, photos.WORDS, events.WORDS):
         every.findings.update(words.findings)
         every.evidence.update(words.evidence)
         every.events.update(words.events)

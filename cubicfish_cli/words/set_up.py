@@ -142,6 +142,15 @@ def _board_order(
     return Said(what, do=_RERUN if case == "grids" else _ORDER)
 
 
+@WORDS.finding(Code.BOARD_ORDER, "first_square")
+def _begins_otherwise(board: str, first_square: Colour, corners: int, named: int) -> Said:
+    return Said(
+        f"board {board} begins with a {first_square} square",
+        f"{corners:,} of its corners are found so, and {named or 'none'} as the target says",
+        f"write first_square: {first_square} for it in target.yaml; this result has it already",
+    )
+
+
 @WORDS.finding(Code.BOARD_ORDER, "of_photos")
 def _board_order_of_photos(board: str, order: Order, photos: int, error_px: float) -> Said:
     what = f"board {board}: {_order(order, 0, 0, '')}"
@@ -174,6 +183,31 @@ def _board_place(
     squares = f", its squares {percent(off)} off"
     resized = case in ("and_square", "of_two_and_square")
     return Said(f"{of}board {board} {where}{squares * resized}", do=_MEASURE)
+
+
+@WORDS.finding(Code.BOARD_PLACE, "found")
+def _board_place_found(boards: Names) -> Said:
+    places = pick(boards, "the place", "the places")
+    return Said(f"{places} of {listed(boards, 'boards')} {pick(boards, 'was', 'were')} measured")
+
+
+@WORDS.finding(Code.BOARD_PLACE, "not_found")
+def _board_place_not_found(boards: Names) -> Said:
+    return Said(
+        f"{listed(boards, 'boards')} {pick(boards, 'is', 'are')} left out: where "
+        f"{pick(boards, 'it is', 'they are')} could not be measured",
+        do="take at least three photos that show two boards at a time, one of them whole",
+    )
+
+
+@WORDS.finding(Code.FITS_NOWHERE, "many_grids")
+def _many_grids_left_out(left_out: int, grids: int, unseen: str = "") -> Said:
+    none = f", and nothing of {unseen} is used" if unseen else ""
+    return Said(
+        f"{left_out} of {grids} grids are left out{none}",
+        do="check corners, square, origin and axes of the boards in target.yaml, or say place: "
+        "unknown for boards whose places were not measured",
+    )
 
 
 @WORDS.finding(Code.BOARD_PLACE, "in_most")
@@ -300,22 +334,22 @@ def _corner_names(
 
 @WORDS.finding(Code.CORNER_COUNT)
 def _corner_count(
-    boards: Names,
     counts: Sequence[Mapping[str, Any]],
     alike: bool,
     fewest: int,
     most: int,
     photos: int,
 ) -> Said:
+    many = f"{fewest if alike else f'{fewest} to {most}'} of {photos} photos"
+    many = f"all {photos} photos" if fewest == photos else many
     seen = [
-        "{columns}x{rows} inner corners of board {board} (the target says "
-        "{drawn_columns}x{drawn_rows})".format(**one)
+        "board {board}: the target says {drawn_columns}x{drawn_rows} inner corners, {many} show "
+        "{columns}x{rows}".format(many=many, **one)
         for one in counts
     ]
-    many = f"{fewest}" if alike else f"{fewest} to {most}"
     return Said(
-        f"photos show {listed(seen, 'counts')}",
-        f"{many} of {photos} photos show {pick(boards, 'it', 'them')} so, and none shows more",
+        listed(seen, "boards"),
+        "no photo shows more",
         f"correct {COUNTS} and run it again (origin too, if it was of a corner that is not there), "
         "unless something covers the rest in all photos",
     )
@@ -506,10 +540,12 @@ def _photo_lens_left_out(images: Names, others: int, noise_px: float) -> Said:
 
 @WORDS.finding(Code.REPEATS)
 def _repeats(photos: int, distinct: int, repeats: Names) -> Said:
+    pairs = [one.split(" = ") for one in repeats]
+    alike = [f"{copy} is a near-duplicate of {first}" for first, copy in pairs]
     return Said(
-        f"{photos} photos are effectively {distinct}: {listed(repeats, 'repeats')}",
-        "each was taken from the same place as another one, or is its copy; the held-out error "
-        "leaves such photos out together",
+        f"{listed(alike, 'near-duplicates')}",
+        f"{photos} photos count as {distinct}; the held-out error leaves near-duplicates out "
+        "together",
         "take photos from other places instead",
     )
 

@@ -45,8 +45,9 @@ def summary(known: CameraFacts, pairs: Observations) -> str | None:
         covered = f"corners cover {100 * gaps.cells.coverage:.0f} % of the field"
         return f"enough photos: {covered}{certain}"
     if reasons[0].code == Code.NOT_TRUSTED:
-        return f"heed the verdict first: {render(reasons[0].figures['reason']).do}"
-    what = render(reasons[0]).what
+        return f"fix this first: {render(reasons[0].figures['reason']).do}"
     where = "; ".join(gap_words(gaps)[:_PARTS])
-    next_ones = f"show the target next at: {where}" if where else f"more photos: {what}"
+    if known.fit.marked is not None:
+        return f"mark points at: {where}" if where else "mark more points"
+    next_ones = f"show the target next at: {where}" if where else "take more photos"
     return f"{next_ones} ('cubicfish advise' says from where)"

@@ -7,9 +7,9 @@ import pytest
 from synthetic import IMAGE_SIZE, TRUE_LENS, corner_of_three, synthetic_correspondences
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
+from cubicfish import calibrate, evaluate
+from cubicfish.scene.photos import chosen_poses
 from cubicfish.threads import Shared, one_blas_thread
-from cubicfish_cli import calibrate, evaluate
-from cubicfish_cli.extensions.simulation.simulate import chosen_poses
 
 LIBRARIES = ThreadpoolController().select(user_api="blas")
 

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 from equality import same_records
 from listening import Heard
-from running import SAMPLE, run_cli
+from running import run_cli
+from samples import SAMPLE
 
 from cubicfish import OutputError, UsageError
 from cubicfish_cli import (

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from running import SAMPLE
+from samples import SAMPLE
 
 import cubicfish.views
 import cubicfish_cli

@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 from lenses import smaller
 from listening import Heard
-from running import SAMPLE, run_cli
+from running import run_cli
+from samples import SAMPLE
 from saved_maps import read_map
 from synthetic import checkerboard
 
@@ -322,7 +323,7 @@ def test_what_a_photo_was_placed_by_says_nothing_of_the_object(
         calibrate(Detection(corners=corners, photos=(report,), findings=(finding,)), target)
     calibrate(Detection(corners=corners, photos=(report,)), target, refine_target="shape")
     assert [given["refine_target"] for given in calls] == ["auto", "auto", "shape"]
-    assert calls[0]["diagnose"].keywords == {"known": (finding,)}
+    assert calls[0]["diagnose"].keywords == {"known": [finding]}
     assert calls[0]["target"] is target
 
 

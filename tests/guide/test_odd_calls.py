@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from lenses import smaller
-from running import SAMPLE
+from samples import SAMPLE
 from simulated import CornerErrors
 from simulated_rig import corner_target, simulated_rig
 from synthetic_lenses import synthetic_lens

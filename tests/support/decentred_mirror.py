@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cubicfish import FloatArray
-from cubicfish_cli.viewpoints.truth import rotation_matrix
+from cubicfish.scene.truth import rotation_matrix
 
 _ROUNDS = 12
 _STEP = 1e-6  # of a difference that stands for a derivative, of the pinhole's slope

@@ -14,8 +14,8 @@ from synthetic import checkerboard, lens_of_size
 
 from cubicfish import Target
 from cubicfish.find import find_grids
-from cubicfish_cli.extensions.simulation.command import LookOptions
-from cubicfish_cli.extensions.simulation.simulate import chosen_poses, simulated_photos
+from cubicfish.scene.photos import Look
+from cubicfish.scene.scene import Scene
 
 TARGET = """units: mm
 boards:
@@ -30,8 +30,9 @@ def photos(count: int = 8, columns: int = 7, rows: int = 5) -> tuple[np.ndarray,
     """Photos (360, 480) of a board of 7x5 corners from varied sides."""
     target = Target(units="mm", boards=(checkerboard("board", columns, rows, 40.0),))
     lens = lens_of_size(0.5)
-    poses = {f"p{n}": pose for n, pose in enumerate(chosen_poses(target, lens, SIZE, 2 * count))}
-    rendered = simulated_photos(target, lens, SIZE, poses, LookOptions(noise=1.0, blur=0.5))
+    scene = Scene(target=target, lens=lens, image_size=SIZE)
+    poses = {f"p{n}": pose for n, pose in enumerate(scene.choose_poses(2 * count))}
+    rendered = scene.photos(poses, Look(noise=1.0, blur=0.5))
     # At this size boards far out are too small to be found whole.
     whole = (
         photo for _, photo in rendered if sum(map(len, find_grids(photo).grids)) == columns * rows

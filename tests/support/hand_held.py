@@ -14,7 +14,7 @@ import numpy.typing as npt
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
 from cubicfish import Observations, Target
-from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
+from cubicfish.scene.truth import Pose, pose_of_matrix, rotation_matrix
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from cubicfish_cli import Event, Finding, Listener
+from cubicfish import Event, Finding, Listener
 
 
 class Heard(Listener):

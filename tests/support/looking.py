@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix
+from cubicfish.scene.truth import Pose, pose_of_matrix
 
 
 def look_at(

@@ -5,7 +5,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from types import ModuleType
 
 from command_tree import commands
-from running import ROOT
+from samples import ROOT
 
 
 def load_script() -> ModuleType:

@@ -1,16 +1,12 @@
-"""Running the command line in this process, and where the sample is."""
+"""Running the command line in this process."""
 
 from collections.abc import Callable
 from inspect import signature
-from pathlib import Path
 
 from click.testing import CliRunner, Result
 
 from cubicfish_cli.render import drawing as extra
 from cubicfish_cli.terminal.main import cli
-
-ROOT = Path(__file__).parents[2]
-SAMPLE = ROOT / "sample_data"
 
 Run = Callable[..., Result]
 

@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-import av
 import cv2
-from running import SAMPLE
+from samples import SAMPLE
 
 PHOTOS = sorted((SAMPLE / "photos").glob("*.jpg"))
 TARGET = SAMPLE / "target.yaml"
@@ -95,6 +94,8 @@ def shooting(folder: Path, *words: object, page: bool = True) -> Iterator[Runnin
 
 def filmed(path: Path, *, seconds: float = 4.0, rate: int = 5) -> Path:
     """A film that shows one sample photo after the other, each for so long."""
+    import av  # the extra video
+
     with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", rate=rate, options={"crf": "8"})
         stream.pix_fmt = "yuv420p"

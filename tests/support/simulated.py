@@ -25,9 +25,9 @@ import numpy.typing as npt
 from synthetic_lenses import SyntheticLens
 
 from cubicfish import Observations, Target
-from cubicfish_cli.extensions.simulation.simulate import chosen_poses
-from cubicfish_cli.viewpoints.truth import AnyLens, Pose, project_corners
-from cubicfish_cli.viewpoints.views import WholeLens
+from cubicfish.scene.photos import chosen_poses
+from cubicfish.scene.truth import AnyLens, Pose, project_corners
+from cubicfish.scene.views import WholeLens
 
 FloatArray = npt.NDArray[np.float64]
 

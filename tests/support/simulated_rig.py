@@ -11,7 +11,7 @@ from simulated import CornerErrors, Truth, simulated_corners
 from synthetic_lenses import SyntheticLens
 
 from cubicfish import Observations, Target, TargetError
-from cubicfish_cli.viewpoints.truth import (
+from cubicfish.scene.truth import (
     Pose,
     pose_of_matrix,
     project_corners,

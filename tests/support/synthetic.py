@@ -11,15 +11,15 @@ from asymmetric_lens import AsymmetricLens
 from looking import look_at
 
 from cubicfish import Observations, Target
-from cubicfish.target import BOARD_TYPES, Board
-from cubicfish.target.boards.types import Checkerboard
-from cubicfish_cli.viewpoints.truth import (
+from cubicfish.scene.truth import (
     AnyLens,
     Pose,
     TrueCorners,
     camera_points,
     project_corners,
 )
+from cubicfish.target import BOARD_TYPES, Board
+from cubicfish.target.boards.types import Checkerboard
 
 IMAGE_SIZE = (960, 720)
 TRUE_LENS = AsymmetricLens(

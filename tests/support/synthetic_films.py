@@ -25,27 +25,27 @@ import numpy.typing as npt
 
 from cubicfish import FloatArray, Target
 from cubicfish.models import angle_from_axis
-from cubicfish.target import Board
-from cubicfish_cli.extensions.simulation.command import LookOptions
-from cubicfish_cli.extensions.simulation.simulate import (
+from cubicfish.scene.faces import board_face
+from cubicfish.scene.photos import (
     AMBIENT,
     INK,
     LAMP,
     PAPER,
+    Look,
     RayGrid,
     chosen_poses,
     room_background,
     sensed,
     vignette,
 )
-from cubicfish_cli.render.board_faces import board_face
-from cubicfish_cli.viewpoints.truth import (
+from cubicfish.scene.truth import (
     MARGIN_SQUARES,
     Pose,
     project_corners,
     rotation_matrix,
 )
-from cubicfish_cli.viewpoints.views import WanderingPupil, WholeLens
+from cubicfish.scene.views import WanderingPupil, WholeLens
+from cubicfish.target import Board
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -148,7 +148,7 @@ class Film:
     path: HandPath
     taken: FilmOptions
 
-    def frames(self, count: int, look: LookOptions) -> Iterator[npt.NDArray[np.uint8]]:
+    def frames(self, count: int, look: Look) -> Iterator[npt.NDArray[np.uint8]]:
         """Render ``count`` frames one by one: (height, width) grey levels."""
         scene = _Scene(self.target.with_flat_boards(), self.lens, self.image_size, look.vignetting)
         for number in range(count):
@@ -184,7 +184,7 @@ class Film:
         there = np.isfinite(pixel).all(axis=1)
         return shown[there], pixel[there]
 
-    def write(self, path: Path, count: int, look: LookOptions) -> None:
+    def write(self, path: Path, count: int, look: Look) -> None:
         """Write ``count`` frames as an H.264 film; its sides must be even."""
         with av.open(str(path), "w") as container:
             rate = Fraction(self.taken.rate).limit_denominator(1001)

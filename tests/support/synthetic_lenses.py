@@ -28,8 +28,8 @@ import numpy.typing as npt
 from cubicfish import FloatArray
 from cubicfish.angles import columns
 from cubicfish.models import angle_from_axis
+from cubicfish.scene.truth import rotation_matrix
 from cubicfish.target import MILLIMETRES
-from cubicfish_cli.viewpoints.truth import rotation_matrix
 
 # A point's angle and its pupil depend on each other: each round gains a factor of the distance
 # over the pupil's travel.

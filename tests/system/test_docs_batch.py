@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from running import SAMPLE, run_cli
+from running import run_cli
+from samples import SAMPLE
 
 BATCH = Path(__file__).parents[2] / "docs" / "batch"
 NAMES = ("a b", "it's 50% #1", "x [1]*", '-$y:"z"')

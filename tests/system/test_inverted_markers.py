@@ -11,8 +11,8 @@ from cubicfish.find import find_grids
 from cubicfish.find.detection.grids import negative_grids, negative_photo
 from cubicfish.observe.detection import first_pass
 from cubicfish.photos import find_photos
+from cubicfish.scene.faces import board_face
 from cubicfish.workers.pool import Work
-from cubicfish_cli.render.board_faces import board_face
 from cubicfish_cli.words.sentences import render
 from tests.cubicfish.find.detection.test_markers import errors, find, mixed_photo, photo_of, wall
 

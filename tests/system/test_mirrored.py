@@ -21,10 +21,10 @@ from cubicfish.find.identification.name_grids import name_grids
 from cubicfish.fit.radial_reference import fit_radial
 from cubicfish.observe.detection import first_pass
 from cubicfish.photos import find_photos
-from cubicfish.solve import rms_px
+from cubicfish.scene.faces import board_face
+from cubicfish.solve.statistics import rms_px
 from cubicfish.target.boards.shape import BoardShape
 from cubicfish.workers.pool import Work
-from cubicfish_cli.render.board_faces import board_face
 from cubicfish_cli.words.sentences import render
 from tests.cubicfish.find.detection.test_markers import MIXED, POSE, errors, mixed_photo, photo_of
 from tests.cubicfish.find.identification.test_name_grids import names, seen

@@ -11,7 +11,8 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from running import SAMPLE, run_cli
+from running import run_cli
+from samples import SAMPLE
 from saved_maps import read_map
 
 from cubicfish import Rig, Target, load_camera

@@ -7,7 +7,7 @@ from simulated import CornerErrors, simulated_corners
 from synthetic_lenses import synthetic_lens
 
 from cubicfish.fit.calibrate import calibrate
-from cubicfish_cli.viewpoints.truth import camera_points
+from cubicfish.scene.truth import camera_points
 
 EXACT = CornerErrors(noise=0, shared=0, spread=0)
 TARGET = synthetic.flat_board()

@@ -21,7 +21,7 @@ from cubicfish.find.detection.lattice import LocalFit
 from cubicfish.find.detection.windows import group_windows
 from cubicfish.types import BoolArray, FloatArray, IntArray
 
-_ROUNDS = 12
+ROUNDS = 12
 _CONVERGED = 2e-3  # px: the last step of a fit that is done; steps shrink tenfold near the end
 _BLUR_CONVERGED = 0.1  # logarithm
 _STILL_MOVING = 0.05  # px: a fit whose last step was longer has not found its minimum
@@ -119,6 +119,7 @@ def fit_crossings(
     rows: IntArray | None = None,
     gap: Gaps | None = None,
     quiet: Quiet | None = None,
+    rounds: int = ROUNDS,
 ) -> Crossings:
     """Fit four quadrants, divided by blurred steps across the grid's own lines.
 
@@ -135,6 +136,7 @@ def fit_crossings(
         rows: which of these corners are fitted; None: all.
         gap: what is known of their gaps beforehand; None: about none, 2 px at most.
         quiet: how much of the squares at all N is clean; None: all of it.
+        rounds: steps at most.
 
     """
     if rows is not None:
@@ -167,7 +169,7 @@ def fit_crossings(
         local, within = fit.select(some), None if quiet is None else quiet.select(some)
         sizes = np.stack([half[some], reach[some]])
         frame = _make_frame(image, out.pixel[some], centre[some], local, sizes, radius, within)
-        state = _minimise(frame, noise, gap.select(some))
+        state = _minimise(frame, noise, gap.select(some), rounds)
         _enter(out, some, local, state, noise)
     return out
 
@@ -307,7 +309,7 @@ class _State(Rows):
             getattr(self, one.name)[rows] = getattr(other, one.name)
 
 
-def _minimise(frame: _Frame, noise: float, gap: Gaps) -> _State:
+def _minimise(frame: _Frame, noise: float, gap: Gaps, rounds: int) -> _State:
     """Levenberg-Marquardt on all corners at once; those that are done no longer take part."""
     count = len(frame.value)
     mean, spread = np.tile(_PRIOR_MEAN, (count, 1)), np.tile(_PRIOR_SPREAD, (count, 1))
@@ -329,7 +331,7 @@ def _minimise(frame: _Frame, noise: float, gap: Gaps) -> _State:
         trial=mean.copy(),
     )
     active, done = np.arange(count), state
-    for round_ in range(_ROUNDS):
+    for round_ in range(rounds):
         going = _take_round(frame, state, round_ in (1, 4), noise)
         if going.all():
             continue

@@ -11,7 +11,6 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from cubicfish.find.detection.accept import is_large_enough
 from cubicfish.find.detection.crossing import Crossings
@@ -19,7 +18,7 @@ from cubicfish.find.detection.grids import Grid, Rows
 from cubicfish.find.detection.growth import clean, grow
 from cubicfish.find.detection.ladder import Ladder
 from cubicfish.find.detection.lattice import Lattice
-from cubicfish.find.detection.nearby import nearest
+from cubicfish.find.detection.nearby import Tree, nearest
 from cubicfish.find.detection.pyramid import CLOSE, Pyramid, enlarged
 from cubicfish.find.detection.refine import (
     LARGEST_HALF,
@@ -40,7 +39,7 @@ SMALL_PX = 12.0
 _MOST_OF_WINDOW = 0.7
 # A corner is the same as another one that is nearer than this, in squares.
 SAME = 0.3
-_NOBODY = cKDTree(np.zeros((0, 2)))
+_NOBODY = Tree(np.zeros((0, 2)))
 _NO_LIMIT = 2**31
 
 

@@ -6,7 +6,6 @@ What is there is judged by the brightness of the four squares, seen through the 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from cubicfish.find.detection.lattice import Lattice, LocalFit
 from cubicfish.find.detection.links import (
@@ -16,7 +15,7 @@ from cubicfish.find.detection.links import (
     edge_difference,
     edge_is_seen,
 )
-from cubicfish.find.detection.nearby import nearest
+from cubicfish.find.detection.nearby import Tree, nearest
 from cubicfish.find.detection.pyramid import Pyramid
 from cubicfish.find.detection.saddle import fit_saddles
 from cubicfish.types import BoolArray, FloatArray, IntArray
@@ -167,7 +166,7 @@ def edges_seen(
     return seen
 
 
-def grow(pyramid: Pyramid, lattice: Lattice, free: cKDTree, most: int) -> bool:
+def grow(pyramid: Pyramid, lattice: Lattice, free: Tree, most: int) -> bool:
     """Add corners to the lattice until nothing changes, or it has more than ``most`` corners.
 
     Args:
@@ -190,7 +189,7 @@ def grow(pyramid: Pyramid, lattice: Lattice, free: cKDTree, most: int) -> bool:
     return False
 
 
-def grow_once(pyramid: Pyramid, lattice: Lattice, free: cKDTree, cells: IntArray) -> bool:
+def grow_once(pyramid: Pyramid, lattice: Lattice, free: Tree, cells: IntArray) -> bool:
     """Add corners in some of (N, 2) empty cells of the lattice, if any; whether there are."""
     fit = lattice.fit(cells)
     usable = fit.sound & pyramid.inside(fit.pixel, 2.0)
@@ -211,7 +210,7 @@ def snap(
     pyramid: Pyramid,
     start: FloatArray,
     fit: LocalFit,
-    free: cKDTree,
+    free: Tree,
     search: float,
     near: FloatArray,
     travel: FloatArray,
@@ -222,9 +221,9 @@ def snap(
     shows within ``travel`` pixels (N,), where the next corners are ``near`` pixels (N,) away.
     """
     pixel, found = start.copy(), np.zeros(len(start), bool)
-    if free.n:
+    if len(free):
         _, index = nearest(start, free, 4)
-        place = np.asarray(free.data)[index]
+        place = free.points[index]
         away = fit.cells_away(place - (start - fit.pixel)[:, None])
         rows, best = np.arange(len(start)), away.argmin(1)
         found = away[rows, best] < search

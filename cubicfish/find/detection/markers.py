@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from cubicfish.find.detection.finder import find_grids
 from cubicfish.find.detection.grids import (
@@ -38,6 +37,7 @@ from cubicfish.find.detection.markers_missing import Part
 from cubicfish.find.detection.markers_named import Named, name_corners, with_more_markers
 from cubicfish.find.detection.markers_pieces import Piece, placed
 from cubicfish.find.detection.markers_read import group_agreeing, read_alone
+from cubicfish.find.detection.nearby import Tree
 from cubicfish.find.detection.pyramid import CLOSE, build_pyramid, enlarged, reduced
 from cubicfish.target.target import Target
 from cubicfish.types import BoolArray, FloatArray, IntArray
@@ -320,7 +320,7 @@ def _find_outlined(
         place = max(agreeing, key=lambda one: agreeing[one])
         if agreeing[place] < _AGREEING:
             continue
-        lattice = placed(sight, index, own, label == place, cKDTree(np.zeros((0, 2))))
+        lattice = placed(sight, index, own, label == place, Tree(np.zeros((0, 2))))
         pieces.append(Piece(board=index, lattice=lattice, markers=agreeing[place]))
     return _make_marked(Named(pieces=pieces, contradictory=set()), 0)
 

@@ -5,7 +5,6 @@ size. Each is asked only for what is missing.
 """
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from cubicfish.find.detection.markers_detect import (
     NO_MARKERS,
@@ -23,7 +22,7 @@ from cubicfish.find.detection.markers_read import (
     read_alone,
     shortest_side,
 )
-from cubicfish.find.detection.nearby import nearest
+from cubicfish.find.detection.nearby import connected, nearest
 
 # Outlines of markers whose modules are larger are found in a photo, and so are those in its double.
 _CLEAR_MODULE_PX = 4.0
@@ -119,7 +118,7 @@ def parts_with_squares(
     apart = np.linalg.norm(middle[:, None] - middle, axis=-1)
     smaller, larger = np.minimum(side[:, None], side), np.maximum(side[:, None], side)
     beside = (apart < _BESIDE * smaller) & (larger < _ALIKE * smaller)
-    label = connected_components(beside, directed=False)[1] if len(outline) else side
+    label = connected(beside)
     parts = []
     for number in np.unique(label):
         rows = label == number

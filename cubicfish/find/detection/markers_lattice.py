@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from cubicfish.find.detection.growth import snap
 from cubicfish.find.detection.lattice import (
@@ -19,7 +18,7 @@ from cubicfish.find.detection.lattice import (
     window,
 )
 from cubicfish.find.detection.markers_saddles import corners_near
-from cubicfish.find.detection.nearby import nearest
+from cubicfish.find.detection.nearby import Tree, nearest
 from cubicfish.find.detection.pyramid import Pyramid
 from cubicfish.find.detection.refine import refine_corners
 from cubicfish.target.boards.board import Board
@@ -205,7 +204,7 @@ class BoardLattice(CornerMap):
         return shown.min(axis=1) > _ARM_CONTRAST * np.median(shown, axis=1)
 
 
-def grow(pyramid: Pyramid, lattice: BoardLattice, free: cKDTree) -> None:
+def grow(pyramid: Pyramid, lattice: BoardLattice, free: Tree) -> None:
     """Add the corners beside the known ones until nothing changes; ``free``: candidates."""
     looked = np.zeros_like(lattice.tried)
     for _ in range(_MOST_ROUNDS):
@@ -222,7 +221,7 @@ def grow(pyramid: Pyramid, lattice: BoardLattice, free: cKDTree) -> None:
             return
 
 
-def try_cells(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray, free: cKDTree) -> bool:
+def try_cells(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray, free: Tree) -> bool:
     """Look for (N, 2) unknown cells where their neighbours say; whether any was found."""
     cells, fit = _predict(pyramid, lattice, cells)
     if not len(cells):
@@ -279,7 +278,7 @@ def _put_good(
 
 
 def snap_named(
-    pyramid: Pyramid, lattice: BoardLattice, start: FloatArray, fit: LocalFit, free: cKDTree
+    pyramid: Pyramid, lattice: BoardLattice, start: FloatArray, fit: LocalFit, free: Tree
 ) -> tuple[FloatArray, BoolArray]:
     """Saddle points near (N, 2) starts: the nearest candidate, else what the photo shows there."""
     near, travel = fit.side * lattice.closest, lattice.search * fit.side

@@ -85,6 +85,13 @@ def agreeing_markers(
     return np.array(counts, np.intp)
 
 
+def markers_of(image: npt.NDArray[np.generic], target: Target) -> int:
+    """How many of a target's markers are clearly read in a grey photo (H, W)."""
+    sight = Sight.of(image, target)
+    seen = read_alone(sight.pyramid, sight.families)
+    return len(np.unique(np.column_stack([seen.board, seen.cell]), axis=0))
+
+
 def markers_of_any_kind(image: npt.NDArray[np.generic]) -> dict[str, IntArray]:
     """Ids of all markers (N,) that are clearly read in a grey photo (H, W), by dictionary."""
     names, all_families = every_family()

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from cubicfish.find.detection.grids import FoundGrids
 from cubicfish.find.detection.markers_detect import SeenMarkers, Sight
@@ -22,6 +21,7 @@ from cubicfish.find.detection.markers_pieces import (
     take_in,
 )
 from cubicfish.find.detection.markers_read import all_read, group_agreeing, read_together
+from cubicfish.find.detection.nearby import Tree
 from cubicfish.types import IntArray
 
 # So many markers, at least two side by side, are no misreadings even where others refute them.
@@ -77,7 +77,7 @@ def name_corners(
 
 
 def _place_pieces(
-    sight: Sight, markers: SeenMarkers, grids: FoundGrids, free: cKDTree, settled: set[int]
+    sight: Sight, markers: SeenMarkers, grids: FoundGrids, free: Tree, settled: set[int]
 ) -> tuple[list[Piece], IntArray]:
     """Pieces of boards that are not settled, those of most markers first; what refutes each board.
 
@@ -137,9 +137,9 @@ def with_more_markers(
     return (name_corners(sight, both, grids, found, again) if again else found), both
 
 
-def _make_tree(grids: FoundGrids) -> cKDTree:
+def _make_tree(grids: FoundGrids) -> Tree:
     """The corners of grids, and those of none."""
-    return cKDTree(np.concatenate([grids.refused, *(grid.pixel for grid in grids.grids)]))
+    return Tree(np.concatenate([grids.refused, *(grid.pixel for grid in grids.grids)]))
 
 
 def list_agreeing(sight: Sight, own: SeenMarkers) -> list[SeenMarkers]:

@@ -7,7 +7,6 @@ it and grows along the board. Its markers are read again through its corners.
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from cubicfish.find.detection.grids import Grid
 from cubicfish.find.detection.markers_detect import SeenMarkers, Sight
@@ -29,7 +28,7 @@ from cubicfish.find.detection.markers_read import (
     surely_alike,
     wrong_modules,
 )
-from cubicfish.find.detection.nearby import nearest
+from cubicfish.find.detection.nearby import Tree, nearest
 from cubicfish.find.detection.pyramid import Pyramid
 from cubicfish.target.boards.board import Board
 from cubicfish.types import BoolArray, FloatArray, IntArray
@@ -64,7 +63,7 @@ def piece_of(
     markers: SeenMarkers,
     chosen: BoolArray,
     grids: tuple[Grid, ...],
-    free: cKDTree,
+    free: Tree,
 ) -> Piece | None:
     """The board as the chosen markers place it, grown as far as it can be seen."""
     lattice = placed(sight, index, markers, chosen, free)
@@ -78,7 +77,7 @@ def piece_of(
 
 
 def placed(
-    sight: Sight, index: int, markers: SeenMarkers, chosen: BoolArray, free: cKDTree
+    sight: Sight, index: int, markers: SeenMarkers, chosen: BoolArray, free: Tree
 ) -> BoardLattice:
     """The corners around the chosen markers, each where a saddle is seen nearby."""
     lattice = BoardLattice(board=sight.target.boards[index])
@@ -88,7 +87,7 @@ def placed(
 
 
 def take_in(
-    pyramid: Pyramid, piece: Piece, markers: SeenMarkers, grids: tuple[Grid, ...], free: cKDTree
+    pyramid: Pyramid, piece: Piece, markers: SeenMarkers, grids: tuple[Grid, ...], free: Tree
 ) -> None:
     """Grow a piece on from more markers of its board, which agree about where it is."""
     _put_seeds(pyramid, piece.lattice, markers, free)
@@ -97,9 +96,7 @@ def take_in(
     extend(pyramid, piece, grids, free)
 
 
-def _put_seeds(
-    pyramid: Pyramid, lattice: BoardLattice, markers: SeenMarkers, free: cKDTree
-) -> None:
+def _put_seeds(pyramid: Pyramid, lattice: BoardLattice, markers: SeenMarkers, free: Tree) -> None:
     """Put the unknown corners around markers where a saddle is seen nearby."""
     cells, pixel = _make_seeds(lattice.board, markers.cell, markers.pixel)
     fresh = ~lattice.known[cells[:, 0], cells[:, 1]]
@@ -110,7 +107,7 @@ def _put_seeds(
     lattice.put(cells, np.where((found & fit.sound)[:, None], pixel, np.nan))
 
 
-def extend(pyramid: Pyramid, piece: Piece, grids: tuple[Grid, ...], free: cKDTree) -> None:
+def extend(pyramid: Pyramid, piece: Piece, grids: tuple[Grid, ...], free: Tree) -> None:
     """Add what else of the board can be seen, and drop what is no corner.
 
     The piece's own corners are refined and judged.

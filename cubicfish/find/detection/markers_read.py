@@ -12,7 +12,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from cubicfish.find.detection.grids import Float32Array, FoundGrids, Grid
 from cubicfish.find.detection.markers_detect import (
@@ -26,6 +25,7 @@ from cubicfish.find.detection.markers_detect import (
 )
 from cubicfish.find.detection.markers_lattice import BoardLattice
 from cubicfish.find.detection.markers_missing import Part
+from cubicfish.find.detection.nearby import connected
 from cubicfish.find.detection.pyramid import Pyramid
 from cubicfish.target.boards.board import Board
 from cubicfish.types import BoolArray, FloatArray, IntArray
@@ -396,4 +396,4 @@ def group_agreeing(markers: SeenMarkers, board: Board) -> IntArray:
     miss = np.linalg.norm(middle[None] - middle[:, None] - expected, axis=-1)
     length = np.linalg.norm(step, axis=-2).min(axis=-1)
     agree = (np.abs(apart).max(axis=-1) <= VOUCH_CELLS) & (miss < _VOUCH_MISS * length)
-    return connected_components(agree, directed=False)[1].astype(np.intp)
+    return connected(agree)

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.find.detection.crossing import Crossings, Gaps, Quiet, fit_crossings
+from cubicfish.find.detection.crossing import ROUNDS, Crossings, Gaps, Quiet, fit_crossings
 from cubicfish.find.detection.lattice import LocalFit
 from cubicfish.find.detection.nearby import nearest
 from cubicfish.find.detection.pyramid import Pyramid
@@ -36,6 +36,8 @@ _MOST_SPREAD = 0.05  # predicted standard deviation, of the side
 # prints and paper are not true to more than an eightieth of a square: on rendered photos corners of
 # a spread under a tenth of a pixel are as good as it says, whatever is next to them.
 _SPREAD, _HARMLESS, _TRUE_TO = 3.5, 0.1, 0.0125  # times that around, px, of the side
+# Steps of a fit that only tells a board from texture: nine in ten corners have converged by then.
+_ROUGH_ROUNDS = 6
 # Half-size of the window, pixels.
 _SMALLEST_HALF, USUAL_HALF, LARGEST_HALF = 3.0, 5.0, 12.0
 _OF_SIDE, _OF_BLUR, _OF_GAP = 0.4, 3.5, 1.0
@@ -89,15 +91,19 @@ def find_start(pyramid: Pyramid, pixel: FloatArray, side: FloatArray) -> FloatAr
 
 
 def refine_pixels(
-    pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, quiet: Quiet | None = None
+    pyramid: Pyramid,
+    pixel: FloatArray,
+    fit: LocalFit,
+    quiet: Quiet | None = None,
+    *,
+    roughly: bool = False,
 ) -> Crossings:
-    """Sub-pixel positions of N corners, starting within about a tenth of a side.
+    """Sub-pixel positions of N corners, starting within half a pixel: see :func:`find_start`.
 
-    A saddle fit brings the start to within a fraction of a pixel, two crossing edges are then
-    fitted to the pixels, as far as these are ``quiet``.
+    Two crossing edges are fitted to the pixels, as far as these are ``quiet``. ``roughly`` is
+    enough to judge a grid by.
     """
-    start = find_start(pyramid, pixel, fit.side)
-    return _cross(pyramid.levels[0], start, fit, pyramid.noise, LARGEST_HALF, quiet)
+    return _cross(pyramid.levels[0], pixel, fit, pyramid.noise, LARGEST_HALF, quiet, roughly)
 
 
 def least_window(found: Crossings) -> FloatArray:
@@ -112,10 +118,12 @@ def _cross(
     noise: float,
     largest: float,
     quiet: Quiet | None = None,
+    roughly: bool = False,
 ) -> Crossings:
     half = np.clip(_OF_SIDE * fit.side, _SMALLEST_HALF, USUAL_HALF)
     # Of the windows as they are when it is called.
-    crossings = partial(fit_crossings, image, start, fit, half, noise, quiet=quiet)
+    rounds = _ROUGH_ROUNDS if roughly else ROUNDS
+    crossings = partial(fit_crossings, image, start, fit, half, noise, quiet=quiet, rounds=rounds)
     found = crossings()
     for _ in range(3):
         # A window within the blur, or the gap, sees no more than a slope.
@@ -131,7 +139,8 @@ def _cross(
         found.replace(rows, crossings(rows=rows, gap=usual))
         odd = np.abs(found.gap[rows] - usual.mean) > _ODD_GAP * usual.spread
         found.ok[rows[odd]] = False
-    _lean_on_saddles(image, found, half)
+    if not roughly:
+        _lean_on_saddles(image, found, half)
     return found
 
 
@@ -244,7 +253,8 @@ def refine_corners(
     )
     seen = sign[rows]
     clean = None if quiet is None else Quiet(sign=seen, steps=quiet[rows])
-    found = refine_pixels(pyramid, pixel[rows], fit, clean)
+    start = find_start(pyramid, pixel[rows], fit.side)
+    found = refine_pixels(pyramid, start, fit, clean)
     _, index = nearest(pixel[rows], pixel[rows], 12)
     ok = whole_corners(
         found,

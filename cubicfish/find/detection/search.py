@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from itertools import compress
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from cubicfish.find.detection.accept import (
     hang_together,
@@ -21,7 +20,7 @@ from cubicfish.find.detection.crossing import Crossings
 from cubicfish.find.detection.growth import clean, grow, measure_contrast
 from cubicfish.find.detection.lattice import Lattice, window
 from cubicfish.find.detection.links import Patch, find_patches
-from cubicfish.find.detection.nearby import nearest
+from cubicfish.find.detection.nearby import Tree, nearest
 from cubicfish.find.detection.pyramid import Pyramid, enlarged
 from cubicfish.find.detection.refine import measures, refine_pixels, whole_corners
 from cubicfish.find.detection.seeds import SURE_CORNERS, find_promising
@@ -148,7 +147,7 @@ def _grow_patches(
 ) -> tuple[list[_Fitted], IntArray, int]:
     """Grids, which of them each corner (N,) is part of or -1, and how many patches became none."""
     grid = np.full(len(corners.pixel), -1)
-    candidates = cKDTree(corners.pixel)
+    candidates = Tree(corners.pixel)
     found: list[_Fitted] = []
     failures = 0
     sure = sum(len(patch.corner) >= SURE_CORNERS for patch in patches)
@@ -166,7 +165,7 @@ def _grow_patches(
             cells = lattice.cells()
             taken = _find_taken(corners.pixel, lattice.at(cells), lattice.fit(cells).side)
             grid[taken & (grid < 0)] = len(found)
-            candidates = cKDTree(corners.pixel[grid < 0])
+            candidates = Tree(corners.pixel[grid < 0])
             found.append(seen)
     return found, grid, failures
 
@@ -189,7 +188,7 @@ def is_beyond_chance_among(lattice: Lattice, crossings: XCorners, zoom: float = 
 
 
 def _grow_patch(
-    pyramid: Pyramid, corners: XCorners, patch: Patch, candidates: cKDTree
+    pyramid: Pyramid, corners: XCorners, patch: Patch, candidates: Tree
 ) -> _Fitted | None:
     """Grow a patch into a grid; None when it turns out not to be a board."""
     lattice = patch.lattice(corners)
@@ -214,7 +213,7 @@ def _judge(pyramid: Pyramid, lattice: Lattice) -> _Fitted | None:
     cells = lattice.cells()
     blocks = (cells // _BLOCK).sum(1) % max(1, len(cells) // _JUDGED)
     some = cells[blocks == np.bincount(blocks).argmax()]
-    found, good = verify(pyramid, lattice, some)
+    found, good = verify(pyramid, lattice, some, roughly=True)
     lattice.drop(some[~good])
     clean(lattice)
     if good.mean() < _KEPT_SHARE or not is_large_enough(lattice):
@@ -253,11 +252,13 @@ def judge_whole(lattice: Lattice, found: Crossings) -> bool:
     return is_board(lattice, cells[connected], found.select(connected))
 
 
-def verify(pyramid: Pyramid, lattice: Lattice, cells: IntArray) -> tuple[Crossings, BoolArray]:
+def verify(
+    pyramid: Pyramid, lattice: Lattice, cells: IntArray, *, roughly: bool = False
+) -> tuple[Crossings, BoolArray]:
     """Move some corners (N, 2) to their sub-pixel positions: fits, and which pass all tests."""
     fit = lattice.fit(cells)
     pixel = lattice.at(cells)
-    found = refine_pixels(pyramid, pixel, fit)
+    found = refine_pixels(pyramid, pixel, fit, roughly=roughly)
     sign = lattice.sign(cells)
     lattice.put(cells, found.pixel, found.contrast(sign))
     around = _take_median_around(measures(found, sign), lattice, cells)

@@ -6,13 +6,13 @@ from itertools import compress
 
 import cv2
 import numpy as np
-from scipy.spatial import cKDTree
 
 from cubicfish.find.detection.accept import LEAST_CORNERS, LEAST_SQUARES, find_squares
 from cubicfish.find.detection.corners import XCorners
 from cubicfish.find.detection.growth import clean, grow_once, measure_contrast
 from cubicfish.find.detection.lattice import MARGIN, Lattice
 from cubicfish.find.detection.links import Patch
+from cubicfish.find.detection.nearby import Tree
 from cubicfish.find.detection.pyramid import Pyramid
 from cubicfish.types import BoolArray, FloatArray, IntArray
 
@@ -103,7 +103,7 @@ class _Sheet(Lattice):
 
 
 def find_promising(
-    pyramid: Pyramid, corners: XCorners, patches: Sequence[Patch], free: cKDTree
+    pyramid: Pyramid, corners: XCorners, patches: Sequence[Patch], free: Tree
 ) -> BoolArray:
     """Which of K patches may become boards (K,).
 

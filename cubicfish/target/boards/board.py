@@ -47,12 +47,14 @@ class Board(ABC):
         points: (N, 3) world points of a list of points, else None.
         shape: its deformation relative to the nominal board; None without one.
         mirrored: whether this is the board as a mirror shows it, see :meth:`in_mirror`.
+        unplaced: whether nobody knows where it is: ``place: unknown``. Its origin and axes are
+            then made up.
 
     """
 
     kind: ClassVar[str]
     own_keys: ClassVar[tuple[str, ...]]
-    common_keys: ClassVar[tuple[str, ...]] = (*PLACE_KEYS, *SHAPE_KEYS)
+    common_keys: ClassVar[tuple[str, ...]] = (*PLACE_KEYS, "place", *SHAPE_KEYS)
     has_squares: ClassVar[bool] = False
     per_cell: ClassVar[int] = 1
     marker_borders: ClassVar[tuple[int, ...]] = ()
@@ -71,6 +73,7 @@ class Board(ABC):
     points: FloatArray | None = None
     shape: BoardShape | None = None
     mirrored: bool = False
+    unplaced: bool = False
 
     @classmethod
     def read(cls, section: Section, name: str, *, alone: bool) -> Board:
@@ -88,9 +91,10 @@ class Board(ABC):
         keys = ("name", "type", *cls.own_keys, *cls.common_keys)
         section.allow_only(keys, f"a board of type {cls.kind}")
         own = cls.read_own(section)
-        place = section.place(alone=alone or "origin" not in cls.common_keys)
+        unplaced = section.is_unplaced()
+        place = section.place(alone=alone or unplaced or "origin" not in cls.common_keys)
         shape = section.shape(own["columns"], own["rows"])
-        return cls(name=name, **own, **place, shape=shape)
+        return cls(name=name, **own, **place, shape=shape, unplaced=unplaced)
 
     @classmethod
     @abstractmethod
@@ -110,7 +114,10 @@ class Board(ABC):
         """Plain data: what target.yaml has of it."""
         record: dict[str, Any] = {"name": self.name, "type": self.kind, **self.own_record()}
         keys, shape = self.common_keys, self.shape
-        record |= {key: getattr(self, key).tolist() for key in PLACE_KEYS if key in keys}
+        if self.unplaced:
+            record["place"] = "unknown"
+        else:
+            record |= {key: getattr(self, key).tolist() for key in PLACE_KEYS if key in keys}
         if shape is None:
             return record
         if "bend" in keys:

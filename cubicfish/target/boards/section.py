@@ -1,6 +1,7 @@
 """One mapping of a target file: its values by key, each checked when it is read."""
 
 import math
+import re
 from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
@@ -9,6 +10,7 @@ import numpy as np
 from cubicfish.errors import TargetError
 from cubicfish.target.boards.shape import BoardShape
 from cubicfish.types import FloatArray
+from cubicfish.units import times
 from cubicfish.wording import did_you_mean, is_name, quoted
 
 AXES_TOLERANCE = 1e-3
@@ -26,10 +28,18 @@ _OFFSETS = "a list of [column, row, along x_axis, along y_axis, into the board]"
 class Section:
     """One mapping of a target file."""
 
-    def __init__(self, where: str, data: dict[str, Any]) -> None:
-        """Take the mapping; messages about its values begin with ``where``."""
+    def __init__(self, where: str, data: dict[str, Any], units: str = "") -> None:
+        """Take the mapping.
+
+        Args:
+            where: what messages about its values begin with.
+            data: the mapping.
+            units: of its lengths.
+
+        """
         self.where = where
         self.data = data
+        self.units = units
 
     def refuse(self, key: str, what: str) -> NoReturn:
         """Refuse the value of a key.
@@ -80,7 +90,15 @@ class Section:
     def length(self, key: str, hint: str) -> float:
         """A length above zero."""
         value = self.required(key, hint)
+        if isinstance(value, str):
+            value = self._with_unit(value)
         return float(self.checked(key, value, _is_positive, "a positive, finite number"))
+
+    def _with_unit(self, text: str) -> float | str:
+        """A length that says its unit, such as 25mm, in the target's; other text as it is."""
+        found = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*([^\W\d_]+)\s*", text)
+        in_units = times(found[2], self.units) if found else None
+        return round(float(found[1]) * in_units, 12) if found and in_units else text
 
     def counts(self, key: str, what: str) -> tuple[int, int]:
         """Numbers along x and along y, two or more each."""
@@ -107,6 +125,21 @@ class Section:
             self.refuse(key, f"must be two finite numbers, [along x, along y], within ±{limit:g}")
         return np.array(value, float)
 
+    def is_unplaced(self) -> bool:
+        """Whether it says ``place: unknown``, and so no origin and no axes.
+
+        Raises:
+            TargetError: it says something else, or a place as well.
+
+        """
+        if "place" not in self.data:
+            return False
+        self.choice("place", ["unknown"], hint="unknown")
+        for key in PLACE_KEYS:
+            if key in self.data:
+                self.refuse(key, "place: unknown is said too: leave one of them out")
+        return True
+
     def place(self, *, alone: bool) -> dict[str, Any]:
         """Origin and orthonormal axes; a board that is alone lies in the world's z = 0 plane.
 
@@ -115,7 +148,9 @@ class Section:
 
         """
         own = {key: self.data[key] for key in PLACE_KEYS if self.data.get(key) is not None}
-        hint = "a target of several boards needs origin, x_axis and y_axis for each"
+        hint = (
+            "a target of several boards needs origin, x_axis and y_axis for each, or place: unknown"
+        )
         if alone:
             hint = "x_axis and y_axis go together"
             flat = {} if own.keys() & {"x_axis", "y_axis"} else _FLAT

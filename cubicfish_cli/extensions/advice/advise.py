@@ -7,12 +7,12 @@ import numpy as np
 
 from cubicfish import Calibration, CameraFile, CubicCamera, Finding, Observations, Target
 from cubicfish.judge import Code, FieldUncertainty
+from cubicfish.scene import Distances, Scene, Viewpoint
 from cubicfish.solve import Poses
 from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge
 from cubicfish.threads import one_blas_thread
-from cubicfish_cli.extensions.advice.limited_lens import limited_lens
+from cubicfish_cli.extensions.advice.limited_lens import LimitedLens, limited_lens
 from cubicfish_cli.extensions.advice.proposals import Proposal, proposed
-from cubicfish_cli.viewpoints.views import Distances, Viewpoint, WholeLens, sample_views
 from cubicfish_cli.words.sentences import record_of, render
 from cubicfish_cli.words.sufficiency import gap_words
 
@@ -168,7 +168,7 @@ def _sample_views(
     target: Target | None,
     within: Distances | None,
     notes: list[Finding],
-    lens: WholeLens,
+    lens: LimitedLens,
     seed: int,
 ) -> list[Viewpoint]:
     """Return poses to choose from; if there are none, add the reason to ``notes``."""
@@ -181,7 +181,8 @@ def _sample_views(
     if knowledge is None:
         return []
     size = knowledge.camera.image_size
-    views = sample_views(target, lens, size, _VIEWS, seed=seed, within=within)
+    scene = Scene(target=target, lens=lens, image_size=size)
+    views = scene.views(_VIEWS, seed=seed, within=within)
     if not views:
         notes.append(Finding(code=Code.NO_VIEW))
     return views

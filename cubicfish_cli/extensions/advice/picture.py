@@ -16,7 +16,6 @@ from cubicfish_cli.extensions.advice.limited_lens import limited_lens
 from cubicfish_cli.extensions.advice.proposals import Proposal
 from cubicfish_cli.render.drawing import drawing, lay_out
 from cubicfish_cli.render.target_drawing import draw_board
-from cubicfish_cli.viewpoints.truth import camera_points
 
 _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "advice",
@@ -101,7 +100,7 @@ def _draw_photo(axes: Axes, advice: Advice, proposal: Proposal, title: str) -> N
     boards = advice.target.with_flat_boards().boards
 
     def project(world: FloatArray) -> FloatArray:
-        return lens.project(camera_points(proposal.view.pose, world))
+        return lens.project(proposal.view.points(world))
 
     for index in sorted(shown, key=lambda one: -float(away[seen.board == one].mean())):
         draw_board(axes, boards[index], project, _PIECES)

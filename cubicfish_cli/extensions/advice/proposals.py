@@ -16,8 +16,8 @@ import numpy.typing as npt
 from cubicfish import FloatArray
 from cubicfish.judge import FieldUncertainty
 from cubicfish.models import angle_from_axis
+from cubicfish.scene import Viewpoint
 from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge
-from cubicfish_cli.viewpoints.views import Viewpoint
 
 MOST_PHOTOS = 12
 """Photos are counted up to this many; beyond it another target or camera is the better advice."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +19,7 @@ from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import as_command, option, record, target_options
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_next, result
-from cubicfish_cli.words.phrases import plural
+from cubicfish_cli.words.phrases import plural, shell_line
 
 if TYPE_CHECKING:
     from cubicfish import Target
@@ -216,5 +215,5 @@ def _print(chosen: ChosenFrames, given: FramesOptions) -> None:
     result(chosen.ended)
     result(f"wrote {given.folder}: frames and {chosen.sheet.name}")
     if isinstance(target, TargetSource) and target.path is not None:
-        photos = ["calibrate", str(given.folder), "--target", str(target.path)]
-        print_next(shlex.join(["cubicfish", *photos]))
+        folder = Path(given.folder)
+        print_next(shell_line("cubicfish", "calibrate", folder, "--target", target.path))

@@ -12,13 +12,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from cubicfish import CameraFileError, FloatArray, did_you_mean, quoted
+from cubicfish import CameraFileError, FloatArray, quoted
 from cubicfish.files import read_bytes, read_text
 from cubicfish.models import FocalLens, Lens, RadialCamera, angle_from_axis
 from cubicfish_cli.extensions.formats.lenses import PinholeLens, named_lens, named_numbers
@@ -36,7 +36,56 @@ _STEP_RAD = np.deg2rad(0.05)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RadTanThinPrismLens(FocalLens):
+class ThetaLens(FocalLens):
+    """A fisheye lens whose radius is θ (1 + k1 θⁿ + k2 θ²ⁿ + ...), θ the angle from its axis.
+
+    It sees as far as that grows.
+
+    Attributes:
+        step: n (of the class).
+        k: (K,) k1, k2, ...
+
+    """
+
+    step: ClassVar[int] = 2
+
+    k: FloatArray
+
+    @cached_property
+    def max_angle(self) -> float:
+        """See :class:`Lens`: at most where the radial part stops growing."""
+        return min(super().max_angle, _find_fold_rad(self.k, self.step))
+
+    def sees(self, points: FloatArray) -> npt.NDArray[np.bool_]:
+        """See :class:`Lens`: as far as the radial part grows."""
+        return angle_from_axis(points) <= _find_fold_rad(self.k, self.step)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RadialPolyLens(ThetaLens):
+    """WoodScape's ``radial_poly``: all powers of θ; fx is its k1, and k its k2, k3, k4 over k1."""
+
+    name = "radial_poly"
+    label = "polynomial of the angle"
+    step = 1
+
+    @classmethod
+    def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
+        """Fit the polynomial to the radial lens's profile."""
+        theta = np.linspace(0.02, covered, 200)
+        rows, rest = theta[:, None] ** [2, 3, 4], radial.profile(theta) - theta
+        return (cls.near(radial, k=np.linalg.lstsq(rows, rest, rcond=None)[0]),)
+
+    def pixels(self, points: FloatArray) -> FloatArray:
+        """See :class:`Lens`."""
+        uv = _project_fisheye(points)
+        powers = np.hypot(*uv.T)[:, None] ** np.arange(1, len(self.k) + 1)
+        bent = uv * (1 + powers @ self.k)[:, None]
+        return np.asarray(bent * [self.fx, self.fy] + [self.cx, self.cy], float)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RadTanThinPrismLens(ThetaLens):
     """COLMAP's fisheye lens with tangential and thin-prism terms (sensor/models.h).
 
     COLMAP calls it RAD_TAN_THIN_PRISM_FISHEYE, Project Aria Fisheye624. A point at the angle θ from
@@ -51,6 +100,8 @@ class RadTanThinPrismLens(FocalLens):
     T follows a tilted axis too, so this lens keeps the camera's own frame.
 
     Attributes:
+        shifts_bent: whether T is of (a, b), and not of (u, v) (of the class).
+        skew: pixels; none here.
         k: (6,) of the radial part.
         t: (2,) t1, t2, tangential.
         s: (4,) s1..s4, of thin prisms.
@@ -60,8 +111,9 @@ class RadTanThinPrismLens(FocalLens):
     name = "rad_tan_thin_prism_fisheye"
     label = "radial, tangential, thin prism fisheye"
     symmetric = False
+    shifts_bent: ClassVar[bool] = True
+    skew: ClassVar[float] = 0.0
 
-    k: FloatArray
     t: FloatArray
     s: FloatArray
 
@@ -71,26 +123,44 @@ class RadTanThinPrismLens(FocalLens):
         k = np.append(radial.k, [0.0, 0.0])
         return (cls.near(radial, k=k, t=np.zeros(2), s=np.zeros(4)),)
 
-    @cached_property
-    def max_angle(self) -> float:
-        """See :class:`Lens`: at most where the radial part stops growing."""
-        return min(super().max_angle, _find_fold_rad(self.k))
-
     def pixels(self, points: FloatArray) -> FloatArray:
         """See :class:`Lens`."""
         uv = _project_fisheye(points)
         powers = (uv**2).sum(axis=1)[:, None] ** np.arange(1, len(self.k) + 1)
-        a, b = (uv * (1 + powers @ self.k)[:, None]).T
+        ab = uv * (1 + powers @ self.k)[:, None]
         (t1, t2), (s1, s2, s3, s4) = self.t, self.s
-        square = a * a + b * b
-        more_a, more_b = self.decentring(a, b, t2, t1)
-        u = a + more_a + square * (s1 + square * s2)
-        v = b + more_b + square * (s3 + square * s4)
-        return np.stack([self.fx * u + self.cx, self.fy * v + self.cy], axis=-1)
+        at_a, at_b = (ab if self.shifts_bent else uv).T
+        square = at_a * at_a + at_b * at_b
+        more_a, more_b = self.decentring(at_a, at_b, t2, t1)
+        u = ab[:, 0] + more_a + square * (s1 + square * s2)
+        v = ab[:, 1] + more_b + square * (s3 + square * s4)
+        return np.stack([self.fx * u + self.skew * v + self.cx, self.fy * v + self.cy], axis=-1)
 
-    def sees(self, points: FloatArray) -> npt.NDArray[np.bool_]:
-        """See :class:`Lens`: as far as the radial part grows."""
-        return angle_from_axis(points) <= _find_fold_rad(self.k)
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ThinPrismLens(RadTanThinPrismLens):
+    """COLMAP's THIN_PRISM_FISHEYE: T is of (u, v), so that 1 + k1 θ² + ... does not bend it.
+
+    With a skew it is Metashape's fisheye too, and without T that of cv2.fisheye, whose calibration
+    finds a skew unless told not to.
+
+    Attributes:
+        k: (4,) of the radial part.
+        skew: pixels.
+
+    """
+
+    name = "thin_prism_fisheye"
+    label = "thin prism fisheye"
+    unwritten = ("skew",)
+    shifts_bent = False
+
+    skew: float = 0.0  # type: ignore[misc]
+
+    @classmethod
+    def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
+        """Return the radial lens."""
+        return (cls.near(radial, k=radial.k, t=np.zeros(2), s=np.zeros(4)),)
 
 
 def _project_fisheye(points: FloatArray) -> FloatArray:
@@ -103,12 +173,12 @@ def _project_fisheye(points: FloatArray) -> FloatArray:
         return np.asarray(points[:, :2] * scale[:, None])
 
 
-def _find_fold_rad(k: FloatArray) -> float:
+def _find_fold_rad(k: FloatArray, step: int) -> float:
     """Return the angle up to which the radial part grows, at most π."""
     theta = np.arange(0, np.pi, _STEP_RAD)
     slope = np.ones_like(theta)
     for index, value in enumerate(k, start=1):
-        slope += (2 * index + 1) * value * theta ** (2 * index)
+        slope += (step * index + 1) * value * theta ** (step * index)
     falls = np.flatnonzero(slope <= 0)
     return float(theta[max(falls[0] - 1, 0)]) if falls.size else float(np.pi)
 
@@ -147,12 +217,18 @@ MODELS = {
     "RADIAL": ColmapModel(3, PinholeLens, "f cx cy k1 k2"),
     "OPENCV": ColmapModel(4, PinholeLens, "fx fy cx cy k1 k2 p1 p2"),
     "OPENCV_FISHEYE": ColmapModel(5, RadialCamera, "fx fy cx cy k1 k2 k3 k4"),
+    "FULL_OPENCV": ColmapModel(6, PinholeLens, "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
+    "SIMPLE_RADIAL_FISHEYE": ColmapModel(8, RadialCamera, "f cx cy k1"),
+    "RADIAL_FISHEYE": ColmapModel(9, RadialCamera, "f cx cy k1 k2"),
+    "THIN_PRISM_FISHEYE": ColmapModel(10, ThinPrismLens, "fx fy cx cy k1 k2 t2 t1 k3 k4 s1 s3"),
     "RAD_TAN_THIN_PRISM_FISHEYE": ColmapModel(
         11, RadTanThinPrismLens, "fx fy cx cy k1 k2 k3 k4 k5 k6 t1 t2 s1 s2 s3 s4"
     ),
+    "SIMPLE_FISHEYE": ColmapModel(14, RadialCamera, "f cx cy"),
+    "FISHEYE": ColmapModel(15, RadialCamera, "fx fy cx cy"),
 }
 """COLMAP's name -> the model, of the models that can be read."""
-_WRITTEN_AS = {made.lens: name for name, made in MODELS.items() if made.lens is not PinholeLens}
+_WRITTEN_AS = {MODELS[name].lens: name for name in ("OPENCV_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE")}
 
 
 def parameters_of(lens: Lens) -> tuple[str, list[float]]:
@@ -240,8 +316,8 @@ def read_colmap(path: Path, *, camera: str | None = None) -> Lens:
     where, name, values = there[chosen_camera(path, list(there), camera)]
     if name not in MODELS:
         raise CameraFileError(
-            f"{where}: {quoted(name)} is no camera model that is known here: "
-            + did_you_mean(name, MODELS)
+            f"{where}: the lens of COLMAP's {quoted(name)} is not known here: known: "
+            + ", ".join(MODELS)
         )
     try:
         width, height, *given = map(float, values)

@@ -20,14 +20,20 @@ from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish import Target
-    from cubicfish_cli.extensions.formats.vnlog import ImportedCorners
+    from cubicfish_cli.extensions.formats.corner_files import ImportedCorners
 
 _HELP = """Convert FILES with another detector's corners to corners.csv, ready for calibrate.
 
-FILES are mrcal's corners.vnl, as mrgingham writes them: '# filename x y', maybe with level or
-weight, and one row for each corner of one board, dashes where it was not found. Corners are
-numbered row by row from the target's corner (0, 0); corners of a board that would be seen from
-behind are refused. The files do not say how large the photos are: --size does.
+FILES are of one board, all of one kind or another:
+
+\b
+corners.vnl      mrcal's, as mrgingham writes them: '# filename x y', maybe with level or weight,
+                 one row for each corner, dashes where it was not found; --size is needed
+calib_data.mat   of Bouguet's toolbox for MATLAB, with the corners that were clicked
+a JSON           of PhotonVision's calibration, with its observations
+
+Corners are numbered row by row from the target's corner (0, 0); corners of a board that would be
+seen from behind are refused.
 
 The corners of any other detector can be written as a corners.csv, which is a plain table.
 """
@@ -38,10 +44,11 @@ class CornersOptions:
     """Options of :func:`import_corner_files`.
 
     Attributes:
-        files: mrcal's corners.vnl, as mrgingham writes it.
+        files: mrcal's corners.vnl, as mrgingham writes it, Bouguet's calib_data.mat or
+            PhotonVision's JSON.
         target: the calibration target, or its file.
         table: the corners.csv to write.
-        image_size: (width, height) of the photos in pixels, which such files do not state.
+        image_size: (width, height) of the photos in pixels, where the files do not say.
         board: the name of the target's board in the photos; not needed for a target of one board.
         only: take only photos whose names match this pattern, such as ``left*``.
 
@@ -55,8 +62,8 @@ class CornersOptions:
     )
     target: Target | StrPath = parameters.needed_target
     table: StrPath = parameters.output_option("Where the corners go.", default="corners.csv")
-    image_size: tuple[int, int] = option(
-        "--size", "Size of the photos.", parameters.SIZE, required=True
+    image_size: tuple[int, int] | None = option(
+        "--size", "Size of the photos, where the files do not say.", parameters.SIZE
     )
     board: str | None = option(
         "--board NAME", "The target's board in the photos. [default: the only one]"
@@ -73,13 +80,13 @@ def import_corner_files(options: CornersOptions, *, run: Run = Run()) -> Importe
 
     """
     from cubicfish import save_corners
-    from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
+    from cubicfish_cli.extensions.formats.corner_files import read_corner_files
 
     if not paths_of(options.files):
         raise UsageError("no files are named: name those of the detector")
     goal = Path(options.table)
     Plan(run).reads(options.files, options.target).writes(goal)
-    read = read_vnlogs(
+    read = read_corner_files(
         paths_of(options.files),
         target_in(options.target),
         image_size=options.image_size,
@@ -92,8 +99,9 @@ def import_corner_files(options: CornersOptions, *, run: Run = Run()) -> Importe
 
 @as_command(
     "corners",
-    "Take over corners that another detector found.",
+    "Import corners from another detector.",
     "cubicfish corners corners.vnl --target board.yaml --size 1920x1080",
+    "cubicfish corners calib_data.mat --target board.yaml",
     "cubicfish corners corners.vnl --target box.yaml --size 752x480 --board floor --only 'left*'",
     do=import_corner_files,
     how=("overwrite", "as_json"),

@@ -1,13 +1,9 @@
 """Gyroflow's lens profile: OpenCV's fisheye lens as JSON; pixel centres are at whole numbers."""
 
-from pathlib import Path
-
-from cubicfish import CameraFileError
-from cubicfish.models import Lens, RadialCamera
-from cubicfish_cli.extensions.formats.lenses import matrix_rows, named_in_matrix, named_lens
-from cubicfish_cli.foreign.file_contents import PlacedLens, json_text, load_plain_json, numbers
-
-MAX_BYTES = 4_000_000
+from cubicfish.models import RadialCamera
+from cubicfish_cli.extensions.formats.camera_keys import Layout, Program
+from cubicfish_cli.extensions.formats.lenses import matrix_rows
+from cubicfish_cli.foreign.file_contents import PlacedLens, json_text
 
 
 def gyroflow_text(one: PlacedLens) -> str:
@@ -38,22 +34,18 @@ def gyroflow_text(one: PlacedLens) -> str:
     return json_text(profile)
 
 
-def read_gyroflow(path: Path) -> Lens:
-    """Read a lens profile.
-
-    Raises:
-        CameraFileError: the file is not one, or its lens is not OpenCV's fisheye; one line.
-
-    """
-    profile = load_plain_json(path, max_bytes=MAX_BYTES)
-    if profile.values.get("distortion_model", "opencv_fisheye") != "opencv_fisheye":
-        raise CameraFileError(f"{path}: distortion_model must be opencv_fisheye: no other is read")
-    parameters = profile.part("fisheye_params")
-    rows = parameters.values.get("camera_matrix")
-    rows = rows if isinstance(rows, list) and all(isinstance(row, list) for row in rows) else []
-    flat = [value for row in rows for value in row]
-    matrix = numbers(path, flat, "fisheye_params.camera_matrix", (9,))
-    k = parameters.numbers("distortion_coeffs", 4).tolist()
-    named = named_in_matrix(matrix) | dict(zip(("k1", "k2", "k3", "k4"), k, strict=True))
-    image_size = profile.part("calib_dimension").size("w", "h")
-    return named_lens(path, RadialCamera, image_size, named)
+read_gyroflow = Program(
+    Layout(
+        file="a Gyroflow {}lens profile",
+        camera=r"(fisheye_params\.)camera_matrix",
+        kind=("/distortion_model",),
+        usual="opencv_fisheye",
+        lenses={
+            "opencv_fisheye": (
+                RadialCamera,
+                "camera_matrix.0[fx,,cx] camera_matrix.1[,fy,cy] distortion_coeffs[k1,k2,k3,k4]",
+            )
+        },
+        size=("/calib_dimension.w", "/calib_dimension.h"),
+    )
+).read

@@ -7,8 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from cubicfish import Run
 from cubicfish.files import StrPath
 from cubicfish_cli.extension_guard import read_formats
@@ -39,7 +37,7 @@ class ImportOptions:
 
     Attributes:
         path: the other tool's file.
-        written_by, camera, image_size, max_angle_deg: as for :func:`import_camera`.
+        written_by, camera, image_size, lens, max_angle_deg: as for :func:`import_camera`.
         output: the camera.yaml to write.
 
     """
@@ -51,7 +49,7 @@ class ImportOptions:
     written_by: str | None = option(
         "--from FORMAT",
         "What wrote the file: a name of the list above. [default: told by what it holds]",
-        click.Choice(list(read_formats())),
+        parameters.Choice(list(read_formats())),
     )
     camera: str | None = option(
         "--camera NAME",
@@ -59,6 +57,11 @@ class ImportOptions:
     )
     image_size: Sequence[int] | None = option(
         "--size", "Size of the photos, where the file does not say.", parameters.SIZE
+    )
+    lens: str | None = option(
+        "--lens KIND",
+        "Whose four distortion coefficients are, where the file does not say: fisheye or pinhole.",
+        parameters.Choice(["fisheye", "pinhole"]),
     )
     max_angle_deg: float | None = option(
         "--max-angle DEG",
@@ -92,6 +95,7 @@ def import_files(options: ImportOptions, *, run: Run = Run()) -> Imported:
         written_by=options.written_by,
         camera=options.camera,
         image_size=options.image_size,
+        lens=options.lens,
         max_angle_deg=options.max_angle_deg,
     )
     made_by = {**run.made_by({}, files=[source]), **imported.made_by}
@@ -106,7 +110,7 @@ def import_files(options: ImportOptions, *, run: Run = Run()) -> Imported:
     "cubicfish import camchain.yaml --camera cam1",
     "cubicfish import calib_results.txt -o lens_a/camera.yaml --max-angle 95",
     "cubicfish import sparse/0/cameras.bin --camera 1",
-    "cubicfish import opencv.yaml --size 1280x800",
+    "cubicfish import opencv.yaml --size 1280x800 --lens fisheye",
     do=import_files,
     how=("overwrite", "as_json"),
     help=_HELP,

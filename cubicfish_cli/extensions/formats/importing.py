@@ -73,6 +73,7 @@ def import_camera(
     written_by: str | None = None,
     camera: str | None = None,
     image_size: Sequence[int] | None = None,
+    lens: str | None = None,
     max_angle_deg: float | None = None,
 ) -> Imported:
     """Read the camera in another tool's file, as ``cubicfish import`` does.
@@ -84,6 +85,7 @@ def import_camera(
         camera: which one, of files that hold several: ``cam1``, COLMAP's CAMERA_ID, ``1`` for M1
             and D1.
         image_size: (width, height) of the photos in pixels, for files that do not say.
+        lens: ``fisheye`` or ``pinhole``: whose four coefficients are, for files that do not say.
         max_angle_deg: trust the lens up to this angle from its axis; by default as far as it
             shows anything in the photo, and at most 110°. Files do not say how far a lens was
             calibrated.
@@ -107,19 +109,21 @@ def import_camera(
     size = None
     if image_size is not None:
         size = Fields.of(path, {"image_size": [*map(int, image_size)]}).size_of("image_size")
-    lens, found = read_foreign(path, name=written_by, camera=camera, image_size=size)
+    if lens not in (None, "fisheye", "pinhole"):
+        raise CameraFileError(f"lens {quoted(lens)} is not known: fisheye, pinhole")
+    read, found = read_foreign(path, name=written_by, camera=camera, image_size=size, lens=lens)
     own = own_field_deg(path)
-    made = from_lens(lens, max_angle_deg=own if max_angle_deg is None else max_angle_deg)
+    made = from_lens(read, max_angle_deg=own if max_angle_deg is None else max_angle_deg)
     near = {"rms_px": made.error.rms_px, "max_px": made.error.max_px}
     return Imported(
         camera=made.camera,
         fit=FitRecord(),
         made_by={
-            "options": {"imported_from": found, "lens": lens.name},
+            "options": {"imported_from": found, "lens": read.name},
             "conversion": {**near, "field_ended_by": made.ended_by},
         },
         written_by=found,
-        lens=lens,
+        lens=read,
         conversion=made,
         knows_its_field=own is not None,
     )

@@ -6,27 +6,18 @@ none, with intrinsics in Kalibr's order.
 """
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 
-from cubicfish import CameraFileError, quoted
-from cubicfish.files import parse_plain_yaml, read_text
 from cubicfish.models import Lens, RadialCamera
+from cubicfish_cli.extensions.formats.camera_keys import Layout, Program
 from cubicfish_cli.extensions.formats.lenses import (
     DoubleSphereLens,
     PinholeLens,
     UnifiedLens,
-    named_lens,
     named_numbers,
 )
-from cubicfish_cli.foreign.file_contents import (
-    Fields,
-    LensRig,
-    PlacedLens,
-    chosen_camera,
-    transform_rows,
-)
+from cubicfish_cli.foreign.file_contents import LensRig, PlacedLens, transform_rows
 
 # camera_model -> its intrinsics.
 _INTRINSICS = {
@@ -48,8 +39,6 @@ _WRITTEN = {
     for names, (lens, coefficients) in _MODELS.items()
     if lens is not PinholeLens
 }
-
-_MAX_BYTES = 1_000_000
 
 
 def kalibr_text(one: PlacedLens) -> str:
@@ -92,32 +81,21 @@ def _write_camera(lens: Lens, number: int, overlaps: Sequence[int]) -> list[str]
     ]
 
 
-def read_kalibr(path: Path, *, camera: str | None = None) -> Lens:
-    """Read one camera of a camchain.
+def _list_keys(lens: str, coefficients: Sequence[str]) -> str:
+    """Return the parameters of a lens, as they stand in the lists of a camera."""
+    keys = f"intrinsics[{','.join(_INTRINSICS[lens])}]"
+    return f"{keys} distortion_coeffs[{','.join(coefficients)}]" if coefficients else keys
 
-    Args:
-        path: the file.
-        camera: its name, such as cam1; not needed where there is one.
 
-    Raises:
-        CameraFileError: the file is not one, or holds no such camera; one line.
-
-    """
-    text = read_text(path, max_bytes=_MAX_BYTES, error=CameraFileError)
-    chain = Fields.of(path, parse_plain_yaml(path, text, error=CameraFileError))
-    names = [name for name in chain.values if name.startswith("cam") and name[3:].isdecimal()]
-    record = chain.part(chosen_camera(path, names, camera))
-    kind = record.name("camera_model", tuple(_INTRINSICS))
-    distortion = str(record.values.get("distortion_model"))
-    if (kind, distortion) not in _MODELS:
-        raise CameraFileError(
-            f"{path}: {record.at}distortion_model {quoted(distortion)} does not go with {kind}: "
-            + ", ".join(fitting for own, fitting in _MODELS if own == kind)
-        )
-    model, coefficients = _MODELS[kind, distortion]
-    intrinsics = _INTRINSICS[kind]
-    named = dict(zip(intrinsics, record.numbers("intrinsics", len(intrinsics)), strict=True))
-    if coefficients or "distortion_coeffs" in record.values:
-        d = record.numbers("distortion_coeffs", len(coefficients))
-        named.update(zip(coefficients, d, strict=True))
-    return named_lens(path, model, record.size_of("resolution"), named)
+read_kalibr = Program(
+    Layout(
+        file="a Kalibr {}camchain",
+        camera=r"((cam\d+)\.)camera_model",
+        kind=("camera_model", "distortion_model"),
+        lenses={
+            "-".join(names): (lens, _list_keys(names[0], coefficients))
+            for names, (lens, coefficients) in _MODELS.items()
+        },
+        size=("resolution.0", "resolution.1"),
+    )
+).read

@@ -26,6 +26,8 @@ _NAMES: Mapping[str, tuple[str, ...]] = {
     "t": ("t1", "t2"),
     "s": ("s1", "s2", "s3", "s4"),
 }
+# The fewest numbers that an array of a lens has; those that a file lacks are 0.
+_FEWEST = {"k": 4, "t": 2, "s": 4}
 
 
 def named_numbers(lens: Lens) -> dict[str, float]:
@@ -51,15 +53,18 @@ def named_lens(
 
     """
     if not (named["fx"] > 0 and named["fy"] > 0):
-        raise CameraFileError(f"{where}: focal lengths must be above 0")
+        why = "this camera was not calibrated" if named["fx"] == 0 else "is it a camera's file?"
+        raise CameraFileError(f"{where}: focal lengths must be above 0: {why}")
     for name, (least, most) in model.limits.items():
         if not least <= named[name] <= most:
             raise CameraFileError(f"{where}: {name} must be from {least:g} to {most:g}")
     own: dict[str, float | FloatArray] = {}
     for one in fields(model):
         if one.name in _NAMES:
-            values = [named[name] for name in _NAMES[one.name] if name in named]
-            own[one.name] = np.array(values, float)
+            names = _NAMES[one.name]
+            last = max((names.index(name) + 1 for name in names if name in named), default=0)
+            there = names[: max(last, _FEWEST.get(one.name, 0))]
+            own[one.name] = np.array([named.get(name, 0.0) for name in there], float)
         elif one.name in named:
             own[one.name] = named[one.name]
     return model(image_size=image_size, **own)

@@ -317,21 +317,32 @@ def read_ocamcalib(path: Path) -> ScaramuzzaLens:
     where, *_, last = rows
     if len(f) < 2:
         raise CameraFileError(f"{where}: the polynomial has fewer than two coefficients")
-    if not f[0] < 0:
-        raise CameraFileError(
-            f"{where}: the first coefficient must be below 0: the lens would look backwards"
-        )
-    stretch = _SWAP @ np.array([[c, d], [e, 1.0]]) @ _SWAP
-    if not 0.1 < np.linalg.det(stretch) < 10:
-        raise CameraFileError(f"{where}: c, d and e are not those of a camera: c must be near 1")
-    return ScaramuzzaLens(
+    lens = ScaramuzzaLens(
         image_size=size(last, width, height, "the image size"),
         cx=float(column),
         cy=float(row),
-        stretch=stretch,
+        stretch=_SWAP @ np.array([[c, d], [e, 1.0]]) @ _SWAP,
         a=-f,
         inverse=inverse,
     )
+    refuse_no_camera(where, lens)
+    return lens
+
+
+def refuse_no_camera(where: Path, lens: ScaramuzzaLens) -> None:
+    """Refuse numbers that no camera has.
+
+    Raises:
+        CameraFileError: it looks backwards, or its pixels are far from square; ``where`` begins the
+            line.
+
+    """
+    if not lens.a[0] > 0:
+        raise CameraFileError(
+            f"{where}: the first coefficient has the wrong sign: such a lens would look backwards"
+        )
+    if not 0.1 < np.linalg.det(lens.stretch) < 10:
+        raise CameraFileError(f"{where}: the stretch is not that of a camera: c must be near 1")
 
 
 def _read_numbers(where: Path, cells: Sequence[str], part: str) -> FloatArray:

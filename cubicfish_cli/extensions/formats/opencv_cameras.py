@@ -2,10 +2,10 @@
 
 There are no standard names. Here case and underscores do not matter: ``camera_matrix``, ``K``,
 ``intrinsics``, ``mtx`` and others, ``distortion_coefficients``, ``D``, ``distCoeffs``, ``dist`` and
-others are read, with a camera's name before or behind them where there are several (``M1``,
-``D1``, ``camera_matrix_left``), or inside a mapping of that name. Four coefficients may be those of
-the fisheye module or of the pinhole lens: ``model`` or ``distortion_model`` must say which, or
-``fisheye_model`` with 0 or 1. With ``xi`` it is cv2.omnidir's lens. Written files say
+others are read, with a camera's name before or behind them (``M1``, ``D1``, ``left_matrix``), or
+inside a mapping of that name. Four coefficients may be those of the fisheye module or of the
+pinhole lens: ``model`` or ``distortion_model`` say which, ``fisheye_model`` with 0 or 1, or the
+user. With ``xi`` it is cv2.omnidir's lens. Written files say
 ``model: fisheye``.
 
 YAML, XML and JSON are read as the same plain data: in all three a matrix is a mapping with
@@ -13,10 +13,10 @@ YAML, XML and JSON are read as the same plain data: in all three a matrix is a m
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, KeysView, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
 
@@ -24,7 +24,8 @@ import numpy as np
 
 from cubicfish import CameraFileError, FloatArray, quoted
 from cubicfish.files import parse_plain_yaml, read_text
-from cubicfish.models import FocalLens, Lens, RadialCamera
+from cubicfish.models import Lens, RadialCamera
+from cubicfish_cli.extensions.formats.colmap_cameras import ThinPrismLens
 from cubicfish_cli.extensions.formats.lenses import (
     PINHOLE,
     PinholeLens,
@@ -37,16 +38,17 @@ from cubicfish_cli.foreign.file_contents import (
     Fields,
     LensRig,
     PlacedLens,
+    chosen_camera,
     numbers,
     parse_plain_json,
     size,
 )
 
 # Names in lower case, without underscores or hyphens.
-_KEY = re.compile(r"[\"']?(\w{1,40})[\"']?\s*:")
+_KEY = re.compile(r"(?:^|[{,])[ \t]*[\"']?(\w{1,40})[\"']?[ \t]*:", re.MULTILINE)
 _MATRIX = (
     "cameramatrix", "k", "intrinsics", "intrinsicmatrix", "intrinsic", "cameraintrinsics",
-    "cameramat", "cammatrix", "mtx", "kmatrix", "m",
+    "cameramat", "cammatrix", "mtx", "kmatrix", "m", "matrix",
 )  # fmt: skip
 _COEFFICIENTS = (
     "distortioncoefficients", "d", "distcoeffs", "distcoeff", "distcoefs", "distcoef",
@@ -68,29 +70,6 @@ _FISHEYE = (
 _COUNTS = (0, 4, 5, 8, 12, 14)
 
 _MAX_DEPTH = 12
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SkewedFisheye(FocalLens):
-    """cv2.fisheye's lens with a skew in pixels, which its calibration finds unless told not to."""
-
-    name = RadialCamera.name
-    label = "Kannala–Brandt with skew"
-
-    skew: float
-    k: FloatArray
-
-    @classmethod
-    def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
-        """Return the radial lens."""
-        return (cls.near(radial, skew=0.0, k=radial.k),)
-
-    def pixels(self, points: FloatArray) -> FloatArray:
-        """See :class:`~cubicfish.models.lens.Lens`."""
-        core = {key: getattr(self, key) for key in ("image_size", "fx", "fy", "cx", "cy", "k")}
-        pixel = RadialCamera(**core).project(points)
-        pixel[:, 0] += self.skew / self.fy * (pixel[:, 1] - self.cy)
-        return pixel
 
 
 def opencv_text(one: PlacedLens) -> str:
@@ -159,14 +138,17 @@ def _write_matrices(named: Mapping[str, FloatArray]) -> list[str]:
 
 def looks_like_opencv(text: str) -> bool:
     """Return whether YAML or JSON of no other format has a camera matrix under a known name."""
-    # One pattern for blanks before and after a brace takes minutes over some thousand blank lines.
-    starts = (line.strip().removeprefix("{").lstrip() for line in text.splitlines())
-    keys = (_KEY.match(start) for start in starts)
-    return any(key is not None and _normalise_key(key.group(1)) in _MATRIX for key in keys)
+    keys = dict.fromkeys(found[1] for found in _KEY.finditer(text))
+    matrices, coefficients = (_list_rests(keys, names) for names in (_MATRIX, _COEFFICIENTS))
+    return text.startswith("%YAML:1.0") or "" in matrices or not coefficients.isdisjoint(matrices)
 
 
 def read_opencv(
-    path: Path, *, camera: str | None = None, image_size: tuple[int, int] | None = None
+    path: Path,
+    *,
+    camera: str | None = None,
+    image_size: tuple[int, int] | None = None,
+    lens: str | None = None,
 ) -> Lens:
     """Read one camera of a FileStorage file.
 
@@ -175,14 +157,23 @@ def read_opencv(
         camera: the part of the camera's keys that the others' lack, such as 1 of M1 and D1; not
             needed for a file of one camera.
         image_size: (width, height) of the photos, if the file does not say.
+        lens: ``fisheye`` or ``pinhole``, if the file does not say.
 
     Raises:
         CameraFileError: the file is not one, or holds no camera; one line.
 
     """
     record = read_file_storage(path)
-    if camera is not None and isinstance(record.get(camera), dict):
-        record, camera = {**record, **record[camera]}, None
+    cameras = _find_cameras(record)
+    if not cameras:
+        there = ", ".join(quoted(key)[1:-1] for key in [*record][:10])
+        raise CameraFileError(
+            f"{path} has no camera matrix under a name that is known, such as camera_matrix or K "
+            f"beside distortion_coefficients or D: it holds {there or 'nothing'}"
+        )
+    camera = chosen_camera(path, cameras, camera)
+    if isinstance(record.get(camera), dict):
+        record, camera = {**record, **record[camera]}, ""
     keys = _Keys(path, record, camera)
     name, matrix = _read_matrix(keys)
     d = _read_coefficients(keys, name)
@@ -191,7 +182,7 @@ def read_opencv(
         raise CameraFileError(f"{path} does not say how large the photos are: add --size WxH")
     named = named_in_matrix(matrix) | dict(zip(PINHOLE, d, strict=False))
     xi = keys.find(("xi",))
-    if xi is None and not _is_fisheye(keys, len(d)):
+    if xi is None and not _is_fisheye(keys, len(d), lens):
         return named_lens(path, PinholeLens, photos, named)
     if len(d) != 4:
         raise CameraFileError(f"{path}: a fisheye lens has 4 distortion coefficients, not {len(d)}")
@@ -200,8 +191,28 @@ def read_opencv(
         named |= {"xi": float(keys.numbers(xi, (1,))[0]), "skew": skew}
         return named_lens(path, UnifiedLens, photos, named)
     named |= dict(zip(("k1", "k2", "k3", "k4"), d, strict=True))
-    model = SkewedFisheye if skew else RadialCamera
+    model = ThinPrismLens if skew else RadialCamera
     return named_lens(path, model, photos, {**named, "skew": skew})
+
+
+def _find_cameras(record: Mapping[str, Any]) -> Sequence[str]:
+    """Return names of cameras: what stands before or behind the names of a lens, or around them.
+
+    A camera whose keys have nothing more than those of a lens is called "".
+    """
+    arrays = [key for key, value in record.items() if isinstance(value, dict | list)]
+    matrices, coefficients = (_list_rests(arrays, names) for names in (_MATRIX, _COEFFICIENTS))
+    found = [name for name in matrices if name in coefficients]
+    found += [key for key, one in record.items() if isinstance(one, dict) and _find_cameras(one)]
+    return [""] if "" in found or ("" in matrices and not found) else found
+
+
+def _list_rests(keys: Iterable[str], names: Sequence[str]) -> KeysView[str]:
+    """Return what keys hold before or behind one of the names, in their order."""
+    plain = [*map(_normalise_key, keys)]
+    before = [key.removesuffix(name) for key in plain for name in names if key.endswith(name)]
+    behind = [key.removeprefix(name) for key in plain for name in names if key.startswith(name)]
+    return dict.fromkeys([*before, *behind]).keys()
 
 
 def _read_row(path: Path, name: str, value: Any) -> Any:
@@ -242,7 +253,7 @@ class _Keys:
 
     path: Path
     record: Mapping[str, Any]
-    camera: str | None
+    camera: str
 
     def find(self, names: Sequence[str], *, arrays: bool = False) -> tuple[str, Any] | None:
         """Find the key and value of one of the names: the camera's own, or one for all cameras.
@@ -254,7 +265,7 @@ class _Keys:
             CameraFileError: several have, and hold different values.
 
         """
-        one = "" if self.camera is None else _normalise_key(self.camera)
+        one = _normalise_key(self.camera)
         own = [*(name + one for name in names), *(one + name for name in names)]
         for spellings in (own,) if arrays else (own, names):
             found = [
@@ -281,12 +292,7 @@ class _Keys:
 def _read_matrix(keys: _Keys) -> tuple[str, FloatArray]:
     entry = keys.find(_MATRIX, arrays=True)
     if entry is None:
-        there = ", ".join(quoted(key)[1:-1] for key in [*keys.record][:10])
-        raise CameraFileError(
-            f"{keys.path} has no camera matrix: name it camera_matrix, with rows, cols and data, "
-            "or say which of several cameras is meant, such as --camera 1 for M1 and D1; it holds "
-            + (there or "nothing")
-        )
+        raise CameraFileError(f"{keys.path}: {quoted(keys.camera)} has no camera matrix")
     matrix = keys.numbers(entry, (9,))
     if matrix[[3, 6, 7, 8]].tolist() != [0, 0, 0, 1]:
         raise CameraFileError(
@@ -312,30 +318,40 @@ def _read_size(keys: _Keys) -> tuple[int, int] | None:
         return size(keys.path, width[1], height[1], f"{width[0]} and {height[0]}")
     if both is None:
         return None
+    if isinstance(both[1], dict) and "width" in both[1]:
+        return Fields.of(keys.path, keys.record).part(both[0]).size("width", "height")
     across, down = keys.numbers(both, (2,))
     return size(keys.path, across, down, both[0])
 
 
-def _is_fisheye(keys: _Keys, count: int) -> bool:
+def _is_fisheye(keys: _Keys, count: int, lens: str | None) -> bool:
+    said = _read_lens(keys)
+    if lens is not None and said not in (None, lens):
+        raise CameraFileError(f"{keys.path} says that its lens is a {said}'s: leave out --lens")
+    if said is None and lens is None and count == 4:
+        raise CameraFileError(
+            f"{keys.path}: four distortion coefficients are a fisheye's or a pinhole's: say which "
+            "with --lens fisheye or --lens pinhole"
+        )
+    return "fisheye" in (said, lens)
+
+
+def _read_lens(keys: _Keys) -> str | None:
+    """Return whose the coefficients are as the file says, fisheye or pinhole."""
     flag, model = keys.find(_FLAG), keys.find(_MODEL)
     if flag is not None:
         if not isinstance(flag[1], int) or flag[1] not in (0, 1):  # true and false are
             raise CameraFileError(f"{keys.path}: {quoted(flag[0])} must be 0 or 1")
-        return bool(flag[1])
-    if model is not None:
-        kind = str(model[1]).strip().lower().replace("-", "_")
-        if kind in _FISHEYE or kind in _PINHOLE:
-            return kind in _FISHEYE
-        raise CameraFileError(
-            f"{keys.path}: {quoted(model[0])} {quoted(str(model[1]))} is not known: "
-            f"{', '.join((*_FISHEYE, *_PINHOLE))}"
-        )
-    if count == 4:
-        raise CameraFileError(
-            f"{keys.path}: four distortion coefficients are a fisheye's or a pinhole's: add a key "
-            "'model' with 'fisheye' or 'pinhole' to it"
-        )
-    return False
+        return "fisheye" if flag[1] else "pinhole"
+    if model is None:
+        return None
+    kind = str(model[1]).strip().lower().replace("-", "_")
+    if kind in _FISHEYE or kind in _PINHOLE:
+        return "fisheye" if kind in _FISHEYE else "pinhole"
+    raise CameraFileError(
+        f"{keys.path}: {quoted(model[0])} {quoted(str(model[1]))} is not known: "
+        f"{', '.join((*_FISHEYE, *_PINHOLE))}"
+    )
 
 
 def _normalise_key(key: str) -> str:
@@ -346,7 +362,7 @@ MAX_BYTES = 4_000_000
 # OpenCV writes no longer numbers, and they would be slow to read.
 _LONGEST_NUMBER = 300
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?", re.ASCII)
-_ROOT = "opencv_storage"
+_ROOTS = ("opencv_storage", "calibration")
 
 
 def read_file_storage(path: Path) -> Mapping[str, Any]:
@@ -364,7 +380,7 @@ def read_file_storage(path: Path) -> Mapping[str, Any]:
     elif start == "{":
         data = parse_plain_json(path, text)
     else:
-        text = re.sub(r"\A%YAML[: ]1\.[0-9]\s*\n", "", text)
+        text = re.sub(r"\A%YAML[: ]1\.[0-9].*\n", "", text)
         text = re.sub(r"!!opencv-(?:nd-)?matrix\b", "", text)
         data = parse_plain_yaml(path, text, error=CameraFileError)
     return dict(Fields.of(path, data, "the file").values)
@@ -383,10 +399,10 @@ def _parse_xml(path: Path, text: str) -> Any:
         raise CameraFileError(
             f"{path}, line {problem.position[0]}: not valid XML: {what}"
         ) from problem
-    if root.tag != _ROOT:
+    if root.tag not in _ROOTS:
         raise CameraFileError(
-            f"{path}: the outermost element is {quoted(root.tag)}, not {_ROOT}: is it OpenCV's "
-            "FileStorage?"
+            f"{path}: the outermost element is {quoted(root.tag)}, not {' or '.join(_ROOTS)}: is "
+            "it OpenCV's FileStorage, or Metashape's?"
         )
     return _read_element(path, root, 1)
 

@@ -10,32 +10,16 @@ geometry_msgs/TransformStamped in YAML, and as fixed joints in URDF. Lengths are
 
 import re
 import warnings
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish import CameraFileError, FloatArray
-from cubicfish.files import parse_plain_yaml, read_text
-from cubicfish.models import Lens, RadialCamera
-from cubicfish_cli.extensions.formats.lenses import (
-    PINHOLE,
-    PinholeLens,
-    matrix_rows,
-    named_in_matrix,
-    named_lens,
-)
-from cubicfish_cli.foreign.file_contents import Fields, LensRig, PlacedLens
-
-# distortion_model -> the lens, its coefficients, and how many of these there may be.
-_MODELS: Mapping[str, tuple[type[Lens], Sequence[str], Sequence[int]]] = {
-    "plumb_bob": (PinholeLens, PINHOLE, (0, 4, 5)),
-    "rational_polynomial": (PinholeLens, PINHOLE, (8,)),
-    "equidistant": (RadialCamera, ("k1", "k2", "k3", "k4"), (4,)),
-}
-
-_MAX_BYTES = 1_000_000
+from cubicfish import FloatArray
+from cubicfish.models import RadialCamera
+from cubicfish_cli.extensions.formats.camera_keys import Layout, Program
+from cubicfish_cli.extensions.formats.lenses import PINHOLE, PinholeLens, matrix_rows
+from cubicfish_cli.foreign.file_contents import LensRig, PlacedLens
 
 
 def ros_text(one: PlacedLens) -> str:
@@ -119,20 +103,18 @@ def _write_spaced(values: Sequence[float]) -> str:
     return " ".join(map(repr, values))
 
 
-def read_ros(path: Path) -> Lens:
-    """Read CameraInfo YAML.
-
-    Raises:
-        CameraFileError: the file is not one, or its model is not known; one line.
-
-    """
-    text = read_text(path, max_bytes=_MAX_BYTES, error=CameraFileError)
-    record = Fields.of(path, parse_plain_yaml(path, text, error=CameraFileError))
-    image_size = record.size("image_width", "image_height")
-    named = named_in_matrix(record.part("camera_matrix").numbers("data", 9))
-    if named["fx"] == 0:
-        raise CameraFileError(f"{path}: camera_matrix[0] is 0: this camera was not calibrated")
-    model, names, counts = _MODELS[record.name("distortion_model", tuple(_MODELS))]
-    d = record.part("distortion_coefficients").numbers("data", *counts).tolist()
-    named.update(zip(names, d, strict=False))
-    return named_lens(path, model, image_size, named)
+_MATRIX = "camera_matrix.data[fx,,cx,,fy,cy,,,]"
+_D = "distortion_coefficients.data"
+read_ros = Program(
+    Layout(
+        file="a ROS {}CameraInfo",
+        camera=r"()camera_matrix\.data\.0",
+        kind=("distortion_model",),
+        lenses={
+            "plumb_bob": (PinholeLens, f"{_MATRIX} {_D}[k1?,k2?,p1?,p2?,k3?]"),
+            "rational_polynomial": (PinholeLens, f"{_MATRIX} {_D}[{','.join(PINHOLE[:8])}]"),
+            "equidistant": (RadialCamera, f"{_MATRIX} {_D}[k1,k2,k3,k4]"),
+        },
+        size=("image_width", "image_height"),
+    )
+).read

@@ -21,16 +21,14 @@ target may be turned from photo to photo. A calibration names a board that is se
 """
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import CorrespondenceError, FloatArray, Observations, Target, quoted
+from cubicfish import CorrespondenceError, FloatArray, Observations, Target, UsageError, quoted
 from cubicfish.files import Table, read_text
 
 MAX_BYTES = 200_000_000
@@ -42,107 +40,18 @@ _MAX_LEVEL = 12
 _ABSENT = re.compile(r"-(?:[0-9.]+(?:[eE][-+]?[0-9]+)?)?").fullmatch
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ImportedCorners:
-    """Corners of another detector's files.
-
-    Attributes:
-        corners: the corners.
-        left_out: how many corners the files themselves declare as not found.
-        empty: names of photos without any corner.
-        file: the corners.csv that was written; None if none was.
-
-    """
-
-    corners: Observations
-    left_out: int
-    empty: tuple[str, ...]
-    file: Path | None = None
-
-    def as_record(self) -> dict[str, Any]:
-        """Return plain data: what ``cubicfish corners --json`` prints.
-
-        Keys:
-            file: the table of corners
-            image_size: [width, height]
-            images: how many photos have corners
-            corners: how many corners were taken over
-            left_out: how many the files say were not found
-            empty_images: photos without corners
-
-        """
-        return {
-            "file": self.file,
-            "image_size": self.corners.image_size,
-            "images": len(self.corners.images),
-            "corners": len(self.corners.pixel),
-            "left_out": self.left_out,
-            "empty_images": self.empty,
-        }
-
-
-def read_vnlogs(
-    paths: Sequence[Path],
-    target: Target,
-    *,
-    image_size: tuple[int, int],
-    board: str | None = None,
-    only: str | None = None,
-) -> ImportedCorners:
-    """Read the corners of one camera.
-
-    Args:
-        paths: the files, of different photos.
-        target: the calibration target.
-        image_size: (width, height) of the photos, which no such file states.
-        board: the name of the board in the photos; may be left out of a target of one board.
-        only: a glob: only photos whose names match it.
+def read_vnlog(
+    path: Path, target: Target, board: int, image_size: tuple[int, int] | None, only: str
+) -> tuple[Observations, int]:
+    """Read corners of photos that match, listing all photos; count those declared not found.
 
     Raises:
-        CorrespondenceError: a file cannot be read or does not fit the target or the others; one
-            line that names it and, where it is about one corner, the line.
+        UsageError: the size of the photos is not given.
+        CorrespondenceError: the file cannot be used; one line.
 
     """
-    index, pattern = _find_board_index(paths[0], target, board), only or "*"
-    parts: list[Observations] = []
-    left_out, there = 0, set[str]()
-    for path in paths:
-        part, missing = _read_file(path, target, index, image_size, pattern)
-        for name in part.images:
-            if name in there:
-                raise CorrespondenceError(
-                    f"{path}: another file holds the corners of {quoted(name)} already: "
-                    "leave one of them out"
-                )
-        there.update(part.images)
-        parts.append(part)
-        left_out += missing
-    joined = Observations.joined(parts)
-    wanted = [name for name in joined.images if fnmatchcase(name, pattern)]
-    if not wanted:
-        raise CorrespondenceError(f"no photo in the files is called like {quoted(pattern)}")
-    if not len(joined.image):
-        raise CorrespondenceError(f"{paths[0]}: no corner in it is declared as found")
-    corners, _ = joined.only_seen()
-    empty = tuple(name for name in wanted if name not in corners.images)
-    return ImportedCorners(corners=corners, left_out=left_out, empty=empty)
-
-
-def _find_board_index(path: Path, target: Target, name: str | None) -> int:
-    """Return the index of the target's board in the files' photos."""
-    if name is None and len(target.boards) > 1:
-        shown = ", ".join(quoted(name) for name in target.board_names[:8])
-        raise CorrespondenceError(
-            f"{path}: it is about one board, and which of the target's ({shown}) is not known: "
-            "say so with --board NAME"
-        )
-    return 0 if name is None else target.boards.index(target.board(name))
-
-
-def _read_file(
-    path: Path, target: Target, board: int, image_size: tuple[int, int], only: str
-) -> tuple[Observations, int]:
-    """Read corners of photos that match, listing all photos; count those declared not found."""
+    if image_size is None:
+        raise UsageError(f"{path} does not say how large the photos are: add --size WxH")
     table, one = _read_table(path), target.boards[board]
     images, image = table.codes("filename")
     _refuse_scattered(table, image)

@@ -3,6 +3,6 @@
 `extensions/printing/objects.py` makes a target for a size of paper: rectangular sheets whose shared
 edges give every board its place in the world, each cut out of a page. `layout.py` places a single
 board on its page. `drawing.py` takes the dark cells from the renderer's own `Face`
-(`render/board_faces.py`), so that prints and rendered photos agree, fills them as one path on axes
+(`scene/faces.py`), so that prints and rendered photos agree, fills them as one path on axes
 in millimetres, and adds ruler, words and cuts outside the quiet zone.
 """

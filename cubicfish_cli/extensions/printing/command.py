@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import click
-
 from cubicfish import Event, Run, UsageError
 from cubicfish.files import Content, StrPath
 from cubicfish_cli import __version__
@@ -60,7 +58,7 @@ class PrintOptions:
         "--object",
         "Make a target: a corner (floor and two walls, seen from inside), an open box of five "
         "boards seen from inside, or one flat board.",
-        click.Choice(_OBJECTS),
+        parameters.Choice(_OBJECTS),
     )
     paper: str = option(
         "--paper SIZE",
@@ -69,7 +67,7 @@ class PrintOptions:
         default="A4",
     )
     board_type: Literal["checkerboard", "charuco", "aprilgrid"] | None = option(
-        "--type", "Of a target's boards. [default: checkerboard]", click.Choice(_TYPES)
+        "--type", "Of a target's boards. [default: checkerboard]", parameters.Choice(_TYPES)
     )
     square: str | None = option(
         "--square LENGTH",

@@ -18,10 +18,10 @@ from matplotlib.text import Text
 from matplotlib.transforms import Affine2D
 
 from cubicfish import FloatArray
+from cubicfish.scene import board_face
 from cubicfish.target import Board
 from cubicfish_cli import __version__
 from cubicfish_cli.extensions.printing.layout import STRIP, Cut, Page, Side
-from cubicfish_cli.render.board_faces import board_face
 from cubicfish_cli.render.drawing import drawing
 
 _INCH = 25.4
@@ -143,17 +143,17 @@ def _fit(text: Text, size: float, room: float) -> None:
 def _write_words(board: Board, number: str) -> tuple[str, str, str]:
     """Return the three lines of text of the strip."""
     if board.kind == "aprilgrid":
-        columns, rows, origin = board.columns // 2, board.rows // 2, "top left corner of its tag"
+        columns, rows, origin = board.columns // 2, board.rows // 2, "top-left corner of its tag"
         what = f"{columns} x {rows} tags of {board.square:g} mm, spacing {board.spacing:g}"
     else:
-        origin = f"inner corner; the square up-left of it is {board.first_square}"
+        origin = f"inner corner of the board; the square up-left of it is {board.first_square}"
         what = f"{board.columns} x {board.rows} inner corners, squares {board.square:g} mm"
     if board.markers is not None:
         first, last = board.markers.first, board.markers.first + board.markers.count - 1
         what += f", markers {board.markers.side:g} mm, {board.family}, ids {first} to {last}"
     return (
         f"{board.name}: {board.kind}, {what}",
-        f"corner (0, 0), at the top left, is the {origin}",
+        f"corner (0, 0) is the top-left {origin}",
         f"print at 100 %, no scaling: the ruler must measure 100 mm; cubicfish {__version__}, "
         f"{number}",
     )

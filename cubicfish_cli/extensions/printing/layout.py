@@ -6,9 +6,9 @@ from itertools import product
 from typing import Literal
 
 from cubicfish import Target, TargetError, quoted
+from cubicfish.scene import board_face
 from cubicfish.target import MILLIMETRES, Board
 from cubicfish_cli.extensions.printing.paper import Paper
-from cubicfish_cli.render.board_faces import board_face
 
 Point = tuple[float, float]
 Side = Literal["left", "top", "right", "bottom"]

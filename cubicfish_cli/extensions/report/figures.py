@@ -6,7 +6,6 @@ import numpy as np
 
 from cubicfish import CubicCamera, FloatArray, aligned_difference
 from cubicfish.models import angle_from_axis
-from cubicfish.solve import rms_px
 from cubicfish_cli.inputs.calibration_facts import ErrorFacts, Facts
 from cubicfish_cli.render.difference_picture import round_up
 from cubicfish_cli.render.pages import figures as page
@@ -64,7 +63,7 @@ def coverage_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     share = facts.fit.coverage
     caption = f"Corners cover {100 * share:.0f} % of the field." if math.isfinite(share) else ""
     if empty:
-        caption += " What a camera says of places without corners nobody has checked."
+        caption += " Nothing has been checked where there are no corners."
     _draw_outline(plot, facts)
     return page.finished(
         plot,
@@ -131,8 +130,8 @@ def places_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
         title="Errors over the picture",
         label=f"RMS error in {int((count > 0).sum())} cells of the photo, from "
         f"{np.nanmin(value):.3f} to {np.nanmax(value):.3f} px",
-        caption="RMS of the corners in each cell. A rim much worse than the middle means blur "
-        "there, or a lens that the model does not follow.",
+        caption="RMS of the corners in each cell. A rim much worse than the middle means blur, "
+        "or the model does not fit the lens.",
     )
 
 
@@ -143,7 +142,7 @@ def angle_figure(errors: ErrorFacts) -> page.Drawn | None:
         return None
     bins = np.floor(angle / _STEP_DEG).astype(int)
     used = np.unique(bins)
-    rms = np.array([rms_px(errors.residual[bins == index]) for index in used])
+    rms = np.array([np.sqrt((length[bins == index] ** 2).mean()) for index in used])
     few = min(int((bins == index).sum()) for index in used)
     top = 1.15 * max(float(np.percentile(length, 99)), float(rms.max()), 1e-9)
     labels = ("angle from the axis, degrees", "error, px")
@@ -161,8 +160,8 @@ def angle_figure(errors: ErrorFacts) -> page.Drawn | None:
         title="Errors by angle from the axis",
         label=f"Errors by angle from the axis; RMS from {rms.min():.3f} to {rms.max():.3f} px in "
         f"steps of {_STEP_DEG:g} degrees",
-        caption=f"The least filled step holds {few:,} corner{'s' * (few != 1)}."
-        + (f" Larger errors, above the figure: {beyond:,}." if beyond else "")
+        caption=f"Smallest bin: {few:,} corner{'s' * (few != 1)}"
+        + (f"; {beyond:,} point{'s' * (beyond != 1)} off scale." if beyond else ".")
         + page.thinned(len(length), page.MOST_DOTS // 2, "corners"),
         keys=(
             page.Key(kind="dot", colour=page.BLUE, text="a corner"),

@@ -90,7 +90,7 @@ def _make_tiles(facts: Facts) -> list[tuple[str, str, str]]:
         (name, f"{value:.3f} px", meaning)
         for name, value, meaning in (
             ("RMS error", fit.rms_px, "on the photos of the fit"),
-            ("Held-out RMS", fit.held_out_rms_px, "on photos that a fit never saw"),
+            ("Held-out RMS", fit.held_out_rms_px, "on photos not used in the fit"),
             ("Radial reference, held out", fit.radial_held_out_rms_px, "a Kannala–Brandt lens"),
         )
         if math.isfinite(value)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from cubicfish_cli.extensions.rigs.options import pair_option, rig_argument
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.terminal.parameters import as_command, record
 from cubicfish_cli.terminal.progress import How
+from cubicfish_cli.words.phrases import shell_line
 
 if TYPE_CHECKING:
     from cubicfish import Rig
@@ -108,9 +108,10 @@ def _find_format(to: str, rig: Rig) -> CameraFormat:
     """
     formats = {name: made for name, made in written_formats().items() if made.write_rig}
     if to not in formats:
+        each = shell_line("cubicfish", "export", rig.files[1], "--to", to)
         raise UsageError(
-            f"--to {to} holds one camera: write each with 'cubicfish export "
-            f"{shlex.quote(str(rig.files[1]))} --to {to}', or choose one of {', '.join(formats)}"
+            f"--to {to} holds one camera: choose one of {', '.join(formats)}, or write each with "
+            + each
         )
     return formats[to]
 

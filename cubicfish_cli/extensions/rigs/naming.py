@@ -45,13 +45,9 @@ def named_cameras(
     if len(called) != len(inputs):
         named = plural(len(called), "name")
         raise UsageError(f"--names has {named}, and there are {len(inputs)} cameras")
-    if len(set(called)) < len(called) or not all(called):
-        raise UsageError(
-            f"the cameras would be called {', '.join(called)}: give each a name of its own with "
-            "--names"
-        )
     for name in called:
         RigCamera.refuse_name(name, "camera", UsageError)
+    RigCamera.refuse_same(called, "--names", UsageError)
     return dict(zip(called, inputs, strict=True))
 
 

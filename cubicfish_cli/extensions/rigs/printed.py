@@ -24,7 +24,7 @@ def print_rig(rig: Rig) -> None:
         f"{plural(len(rig.cameras), 'camera')}, {plural(fit.shots, 'shot')}, "
         f"{plural(fit.corners, 'corner')} used\n"
     )
-    meaning = "" if math.isnan(out) else "shots judged by rigs that never saw them"
+    meaning = "" if math.isnan(out) else "shots not used in the fit"
     print_errors(fit, [("held-out RMS", out, meaning)])
     result()
     print_table(

@@ -122,9 +122,10 @@ def _shot_apart(case: str, cameras: Names, of_shots: Names, off_px: float) -> Sa
 
 @WORDS.finding(Code.RIG_STRAINED)
 def _rig_strained(cameras: Names, rms_px: float, alone_px: float) -> Said:
-    off = f"{pick(cameras, '', 'up to ')}{rms_px:.2f} px on the body, and by {alone_px:.2f} px"
+    off = f"{pick(cameras, '', 'up to ')}{rms_px:.2f} px as a rig"
+    alone = f"{alone_px:.2f} px {pick(cameras, 'alone', 'individually')}"
     return Said(
-        f"{_all(cameras)} {pick(cameras, 'is', 'are')} off by {off} alone",
+        f"{_all(cameras)} {pick(cameras, 'is', 'are')} off by {off}, {alone}",
         do="check that nothing moves on the body, that photos of a shot are of one moment, and "
         "that the target is rigid",
     )

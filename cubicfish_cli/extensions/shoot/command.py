@@ -142,8 +142,8 @@ def shoot_files(options: ShootOptions, *, run: Run = Run()) -> Shot:
 
 def _draw(target: Target) -> dict[str, Any]:
     """The first board as a screen shows it, in millimetres: an SVG path, and its paper's box."""
+    from cubicfish.scene import board_face
     from cubicfish.target import MILLIMETRES
-    from cubicfish_cli.render.board_faces import board_face
 
     board, mm = target.boards[0], MILLIMETRES[target.units]
     face = board_face(board, margin=1)

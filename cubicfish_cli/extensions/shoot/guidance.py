@@ -16,23 +16,23 @@ from cubicfish import (
     FloatArray,
     Observations,
     Target,
+    TargetError,
     calibrate,
     evaluate,
 )
 from cubicfish.judge import FitRecord
 from cubicfish.models import RadialCamera
+from cubicfish.scene import Scene, Viewpoint
 from cubicfish.sufficiency import Goal
 from cubicfish_cli.extensions.advice.advise import Advice, advise
-from cubicfish_cli.extensions.advice.limited_lens import limited_lens
+from cubicfish_cli.extensions.advice.limited_lens import LimitedLens, limited_lens
 from cubicfish_cli.extensions.advice.proposals import place_words, tilt_words
-from cubicfish_cli.render.board_faces import dark_squares, paper
-from cubicfish_cli.viewpoints.truth import AnyLens, camera_points
-from cubicfish_cli.viewpoints.views import Viewpoint, choose_views, sample_views
+from cubicfish_cli.render.board_shapes import dark_squares, paper
 
 # Before a lens is known, it is taken for one that sees so far from its axis, in a round picture
 # that fits the shorter side: a view of any lens has room inside that.
 _GUESSED_DEG = 100.0
-_FIRST_VIEWS, _OF_VIEWS = 4, 80
+_FIRST_VIEWS = 4
 # The ghost may reach so far beyond the field; its paper is drawn in so many pieces along a side.
 _BEYOND_DEG, _PIECES = 8.0, 6
 # Two photos show the target in the same place where corners are nearer than this share of the
@@ -59,7 +59,7 @@ class Guidance:
     problem: Exception | None = None
     goal_px: float
     view: Viewpoint | None
-    lens: AnyLens
+    lens: RadialCamera | LimitedLens
 
     @property
     def words(self) -> str:
@@ -146,9 +146,12 @@ class Guide:
     @cached_property
     def _first_views(self) -> list[Viewpoint]:
         """Views of the first photos: tilted to several sides, all over the picture."""
-        lens = self._guessed
-        views = sample_views(self.target, lens, self.size, _OF_VIEWS)
-        return choose_views(views, lens, self.size, _FIRST_VIEWS)
+        scene = Scene(target=self.target, lens=self._guessed, image_size=self.size)
+        try:
+            found = map(scene.view, scene.choose_poses(_FIRST_VIEWS))
+        except TargetError:  # points without a print, or squares too small for such a lens
+            return []
+        return [view for view in found if view is not None]
 
     def ghost(self, guidance: Guidance) -> dict[str, str] | None:
         """The next view's paper and dark squares, as SVG paths in pixels of the picture."""
@@ -160,7 +163,7 @@ class Guide:
 
         def path(polygons: Iterable[FloatArray]) -> str:
             world = np.concatenate(list(polygons))
-            place = guidance.lens.project(camera_points(view.pose, world))
+            place = guidance.lens.project(view.points(world))
             whole = place[np.isfinite(place).all(axis=(1, 2))]
             return "".join(
                 "M" + "L".join(f"{x:.0f} {y:.0f}" for x, y in polygon) + "Z" for polygon in whole

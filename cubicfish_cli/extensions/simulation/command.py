@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish import OutputError, Run, UsageError, did_you_mean, quoted
+from cubicfish import CorrespondenceError, OutputError, Run, UsageError, did_you_mean, quoted
 from cubicfish.files import StrPath
 from cubicfish_cli.inputs.target_source import target_in
 from cubicfish_cli.plan import Plan
@@ -20,16 +19,20 @@ from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, bundle, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_next, print_wrote, result
-from cubicfish_cli.words.phrases import plural
+from cubicfish_cli.words.phrases import plural, shell_line
 
 if TYPE_CHECKING:
-    from cubicfish import Calibration, CameraFile, CubicCamera, Target
+    import numpy as np
+    import numpy.typing as npt
+
+    from cubicfish import Calibration, CameraFile, CubicCamera, FloatArray, Target
     from cubicfish.files import Content
 
 
 _MOST_PHOTOS = 10_000
 _RENDERING = "Rendering"
 _FORMATS = ("jpg", "png")
+_QUALITY = 95
 _BOUNDS: Mapping[str, tuple[float, float]] = {
     "noise": (0, 100),
     "blur": (0, 50),
@@ -131,7 +134,7 @@ class SimulateOptions:
     form: str = option(
         "--format",
         "Of the photos; png keeps every grey level.",
-        click.Choice(_FORMATS),
+        parameters.Choice(_FORMATS),
         _FORMATS[0],
     )
 
@@ -195,14 +198,7 @@ def simulate_files(options: SimulateOptions, *, run: Run = Run()) -> SimulatedFi
 
     """
     from cubicfish import CameraFile, CubicCamera, Event, load_camera
-    from cubicfish_cli.extensions.simulation.simulate import (
-        chosen_poses,
-        photo_bytes,
-        poses_of_table,
-        simulated_photos,
-    )
-    from cubicfish_cli.viewpoints.truth import pose_table_text, true_corners_text
-    from cubicfish_cli.viewpoints.views import NearLens
+    from cubicfish.scene import Look, Scene, pose_table_text
 
     folder = Path(options.folder)
     truth = [folder / name for name in ("true_corners.csv", "true_poses.csv", "true_camera.yaml")]
@@ -215,18 +211,17 @@ def simulate_files(options: SimulateOptions, *, run: Run = Run()) -> SimulatedFi
         made_by["camera"], known = str(known), load_camera(Path(known))
     camera = known if isinstance(known, CubicCamera) else known.camera
     camera, size = camera.in_units(thing.units), camera.image_size
-    lens = NearLens(camera=camera) if camera.pupil_travel else camera
+    scene = Scene.of(thing, camera)
     if any(board.shape is not None for board in thing.boards):
         listener.tell(Event.RENDERED_FLAT)
-    flat = thing.with_flat_boards()
     if options.poses is None:
-        chosen = chosen_poses(thing, lens, size, options.number or 12, seed=look.seed)
+        chosen = scene.choose_poses(options.number or 12, seed=look.seed)
         digits = max(2, len(str(len(chosen))))
         names = (f"photo_{i:0{digits}d}.{options.form}" for i in range(1, len(chosen) + 1))
         named = dict(zip(names, chosen, strict=True))
     else:
-        named = poses_of_table(Path(options.poses), options.form)
-    corners = true_corners_text(flat, lens, named, size)
+        named = _poses_of_table(Path(options.poses), options.form)
+    corners = scene.corners_text(named)
     if corners.count("\n") <= 2:
         raise OutputError("no photo shows a corner: check the poses, the target and its units")
     plan.writes(*(folder / name for name in named), within=folder)
@@ -236,10 +231,10 @@ def simulate_files(options: SimulateOptions, *, run: Run = Run()) -> SimulatedFi
     pictures = plural(len(named), "photo")
     listener.tell(Event.RENDERING, pictures=pictures, width=size[0], height=size[1])
     listener.progress(_RENDERING)
-    rendered = simulated_photos(flat, lens, size, named, look)
+    rendered = scene.photos(named, Look(**vars(look)))
 
     def write(done: int, path: Path) -> None:
-        path.write_bytes(photo_bytes(next(rendered)[1], path.suffix[1:]))
+        path.write_bytes(_photo_bytes(next(rendered)[1], path.suffix[1:]))
         listener.progress(_RENDERING, done, len(named))
 
     photos = {folder / name: partial(write, done) for done, name in enumerate(named, start=1)}
@@ -251,6 +246,36 @@ def simulate_files(options: SimulateOptions, *, run: Run = Run()) -> SimulatedFi
         image_size=size,
         seed=look.seed,
     )
+
+
+def _poses_of_table(path: Path, form: str) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Read the poses of a table, by the photos' file names.
+
+    Raises:
+        CorrespondenceError: a row names no file of its own, or the table cannot be used.
+
+    """
+    from cubicfish.scene import load_poses
+
+    named: dict[str, tuple[FloatArray, FloatArray]] = {}
+    for name, pose in load_poses(path).items():
+        own = Path(name).stem + f".{form}"
+        if Path(name).name != name or own in named or own.startswith("."):
+            raise CorrespondenceError(
+                f"{path}: {quoted(name)} cannot be the name of a photo here: give each row a file "
+                "name of its own, without folders"
+            )
+        named[own] = pose
+    return named
+
+
+def _photo_bytes(photo: npt.NDArray[np.uint8], form: str) -> bytes:
+    """Encode a photo as a JPEG file of quality 95 (``jpg``) or a PNG file (``png``)."""
+    import cv2
+
+    options = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY] if form == "jpg" else []
+    _, data = cv2.imencode(f".{form}", photo, options)
+    return data.tobytes()
 
 
 @as_command(
@@ -275,5 +300,4 @@ def command(made: SimulatedFiles, given: SimulateOptions, how: How) -> None:
     photos, corners = plural(len(made.photos), "photo"), plural(made.corners, "corner")
     result(f"wrote {photos} with {corners} to {given.folder}")
     print_wrote(made.truth.values())
-    folder, target = (shlex.quote(str(path)) for path in (given.folder, given.target))
-    print_next(f"cubicfish calibrate {folder} --target {target}")
+    print_next(shell_line("cubicfish", "calibrate", given.folder, "--target", given.target))

@@ -11,10 +11,10 @@ from synthetic import checkerboard, lens_of_size, poses_around
 from cubicfish.diagnosis.corner_count import many_lost
 from cubicfish.find.identification.identified import CODES, Decided, PhotoReport, remark_of
 from cubicfish.judge.codes import Code, Remedy, Severity
+from cubicfish.scene.photos import Look
+from cubicfish.scene.scene import Scene
+from cubicfish.scene.truth import camera_points
 from cubicfish.target.target import Target
-from cubicfish_cli.extensions.simulation.command import LookOptions
-from cubicfish_cli.extensions.simulation.simulate import simulated_photos
-from cubicfish_cli.viewpoints.truth import camera_points
 from cubicfish_cli.words.sentences import render
 from tests.cubicfish.diagnosis.test_another_target import LARGE, ONE, identified, report
 
@@ -79,7 +79,7 @@ def test_wrong_counts_are_the_first_reason_wherever_a_verdict_is(run, tmp_path, 
     lens = lens_of_size(0.6)
     poses = poses_around(target, 12, distance=(0.7, 0.9), off_axis_deg=35, slant_deg=40, seed=4)
     named = {f"{number:02d}": pose for number, pose in enumerate(poses)}
-    pictures = simulated_photos(target, lens, lens.image_size, named, LookOptions())
+    pictures = Scene(target=target, lens=lens, image_size=lens.image_size).photos(named, Look())
     (tmp_path / "photos").mkdir()
     for number, ((name, picture), pose) in enumerate(zip(pictures, poses, strict=True)):
         for axis in (0, 1) if number % 2 else ():

@@ -15,10 +15,10 @@ from cubicfish.find.detection.finder import find_grids
 from cubicfish.find.detection.markers import find_marked_corners
 from cubicfish.find.identification.identified import marked_corners
 from cubicfish.judge.codes import Code, Severity
+from cubicfish.scene.photos import render
 from cubicfish.target.boards.markers import Markers
 from cubicfish.target.boards.types import BOARD_TYPES
 from cubicfish.target.target import Target
-from cubicfish_cli.extensions.simulation.simulate import render
 
 SIZE = (480, 400)
 LENS = AsymmetricLens(

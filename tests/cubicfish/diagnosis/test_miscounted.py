@@ -18,9 +18,9 @@ from synthetic import (
 from cubicfish.diagnosis.corner_count import Count, miscounted
 from cubicfish.find.detection.finder import find_grids
 from cubicfish.find.identification.name_grids import name_grids
+from cubicfish.scene.photos import Look
+from cubicfish.scene.scene import Scene
 from cubicfish.target.target import Target
-from cubicfish_cli.extensions.simulation.command import LookOptions
-from cubicfish_cli.extensions.simulation.simulate import simulated_photos
 from cubicfish_cli.words.sentences import render
 
 pytestmark = pytest.mark.slow
@@ -57,7 +57,7 @@ POSES = poses_around(ONE, PHOTOS, distance=(0.9, 1.1), off_axis_deg=35, slant_de
 @pytest.fixture(scope="module")
 def grids():
     poses = {str(number): pose for number, pose in enumerate(POSES)}
-    pictures = simulated_photos(ONE, SMALL, SMALL.image_size, poses, LookOptions())
+    pictures = Scene(target=ONE, lens=SMALL, image_size=SMALL.image_size).photos(poses, Look())
     return [find_grids(picture).grids for _, picture in pictures]
 
 
@@ -168,8 +168,8 @@ def test_what_is_said():
     (finding,) = in_words(counts, resized(THREE, 0, 10, 6), 10)
     assert (finding.code, finding.severity, finding.boards) == ("corner_count", "care", ("floor",))
     assert render(finding).line == (
-        "photos show 9x6 inner corners of board floor (the target says 10x6) (8 of 10 photos "
-        "show it so, and none shows more); correct the counts of corners "
+        "board floor: the target says 10x6 inner corners, 8 of 10 photos show 9x6 (no photo shows "
+        "more); correct the counts of corners "
         "in target.yaml (or of --board) and run it again (origin too, if it was of a corner that "
         "is not there), unless something covers the rest in all photos"
     )
@@ -181,8 +181,7 @@ def test_several_boards_are_said_in_one_line():
     counts = [Count(board=0, size=(9, 6), photos=8), Count(board=2, size=(7, 5), photos=5)]
     (finding,) = in_words(counts, target, 10)
     assert finding.boards == ("floor", "right")
-    assert (
-        "9x6 inner corners of board floor (the target says 10x7) and 7x5 inner "
-        in render(finding).what
+    assert render(finding).what == (
+        "board floor: the target says 10x7 inner corners, 5 to 8 of 10 photos show 9x6 and board "
+        "right: the target says 8x6 inner corners, 5 to 8 of 10 photos show 7x5"
     )
-    assert render(finding).evidence.startswith("5 to 8 of 10 photos show them so")

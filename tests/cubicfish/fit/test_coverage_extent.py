@@ -1,10 +1,12 @@
 """The rim: how far corners reach around it, what is off there, and where trust ends."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from lenses import cubic_camera
 
-from cubicfish.fit.coverage import coverage_extent, trusted_angle_deg
+from cubicfish.fit.coverage import certain_angle_deg, coverage_extent, trusted_angle_deg
 from cubicfish.models.sphere import ray_at
 
 CAMERA = cubic_camera(100.0, bend=0.002)  # a photo that shows all of the cone
@@ -82,3 +84,28 @@ def test_trust_ends_where_the_camera_is_no_longer_certain():
     assert trusted_angle_deg(CAMERA, 90.0, blurred) == pytest.approx(91, abs=0.3)
     assert trusted_angle_deg(CAMERA, 90.0, lambda rays: 9.0 * known(rays)) == whole
     assert trusted_angle_deg(CAMERA, whole - 0.2, growing) <= whole
+
+
+def test_the_field_ends_where_its_rim_is_uncertain_by_a_pixel():
+    def growing(rays: np.ndarray) -> np.ndarray:
+        return 0.01 * np.degrees(np.arccos(np.clip(rays[:, 2], -1, 1))) + 0.35
+
+    def mirrored(rays: np.ndarray) -> np.ndarray:
+        return np.where(rays[:, 2] > np.cos(np.radians(20)), 30.0, growing(rays))
+
+    assert certain_angle_deg(CAMERA, growing) == pytest.approx(65, abs=0.3)
+    # In the middle of a mirror's picture nothing is certain, and the field is not there at fault.
+    assert certain_angle_deg(CAMERA, mirrored) == pytest.approx(65, abs=0.3)
+    assert certain_angle_deg(CAMERA, known) == CAMERA.max_angle_deg
+
+
+def test_sides_that_a_photo_does_not_show_do_not_end_its_field():
+    width, height = CAMERA.image_size
+    shown = replace(CAMERA, image_size=(width, height // 2 + 1))
+
+    def uncertain_below(rays: np.ndarray) -> np.ndarray:
+        aside = np.degrees(np.arctan2(rays[:, 1], np.abs(rays[:, 0])))
+        return np.where((aside > -10) & (rays[:, 2] < 0.5), 9.0, 0.1)
+
+    assert certain_angle_deg(CAMERA, uncertain_below) == pytest.approx(60, abs=0.3)
+    assert certain_angle_deg(shown, uncertain_below) == CAMERA.max_angle_deg

@@ -5,7 +5,6 @@ import pytest
 
 from cubicfish.files.frame_names import FrameName
 from cubicfish.fit.folds import dealt
-from cubicfish_cli.words.phrases import counted
 
 
 def frames(film, *seconds):
@@ -64,14 +63,3 @@ def test_a_frame_of_the_same_millisecond_is_one_too():
 @pytest.mark.parametrize("name", ["IMG_0012.jpg", "f_12.5s.png", "_s.png", "000001.000s.png"])
 def test_other_names_are_photos(name):
     assert FrameName.read(name) is None
-
-
-def test_frames_are_counted_by_film_and_photos_as_photos() -> None:
-    frames = [f"{FrameName('garden', n)}.png" for n in range(3)]
-    assert counted(["a.jpg", "b.jpg"]) == "2 photos"
-    assert counted([]) == "0 photos"
-    assert counted(frames) == "3 frames of garden"
-    other = f"{FrameName('lab', 1.0)}.png"
-    assert counted([other, *frames, "a.jpg"]) == "4 frames of lab, garden and 1 photo"
-    many = [f"{FrameName(f'film{n}', 0.0)}.png" for n in range(4)]
-    assert counted(many) == "4 frames of 4 films"

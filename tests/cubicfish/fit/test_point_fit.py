@@ -7,14 +7,13 @@ import pytest
 import synthetic
 from scipy.spatial.transform import Rotation
 
-from cubicfish import FitError
+from cubicfish import FitError, build_map
 from cubicfish.fit.point_fit import calibrate_points, fit_ratio, ratio
 from cubicfish.models import PointCamera
 from cubicfish.models.lift import lift, lift_rotation
+from cubicfish.scene.truth import rotation_matrix
 from cubicfish.solve.subset import select, select_photos
 from cubicfish.views.view import PlaneView
-from cubicfish_cli import build_map
-from cubicfish_cli.viewpoints.truth import rotation_matrix
 
 TARGET = synthetic.corner_of_three()
 

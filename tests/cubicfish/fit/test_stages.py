@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from running import SAMPLE
+from samples import SAMPLE
 
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.io.corners_csv import load_corners

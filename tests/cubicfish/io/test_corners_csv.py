@@ -136,8 +136,13 @@ ROW = "a.png,floor,0,0,10,20\n"
         (HEADER.replace(",", ";") + ROW, "line 2: semicolons separate"),
         (HEADER.replace(",y\n", ",y,wieght\n") + ROW, "line 2: .*'wieght': did you mean 'weight'"),
         (HEADER.replace(",y\n", ",y,x\n") + ROW, "line 2: the column 'x' is there twice"),
-        (HEADER.replace("corners 1", "corners 3") + ROW, "line 1: it must be"),
-        (HEADER.replace("corners 1, image_size 1280x800", "corners 3") + ROW, "line 1: it must be"),
+        (HEADER.replace("corners 1", "corners 3") + ROW, "line 1: format 3 is newer than 2, the"),
+        (
+            HEADER.replace("corners 1, image_size 1280x800", "corners 12") + ROW,
+            "format 12 is newer",
+        ),
+        (HEADER.replace("corners 1", "corners 0") + ROW, "line 1: it must be"),
+        (HEADER.replace("corners 1", "corners 12345678901") + ROW, "line 1: it must be"),
         (HEADER.replace("corners 1,", "corners 2.1, unit px,") + ROW, "line 1: it must be"),
         (
             HEADER.replace("1280x800", "1280x800, x y") + ROW,

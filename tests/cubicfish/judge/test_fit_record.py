@@ -14,6 +14,7 @@ from cubicfish.judge.fit_record import (
     Departure,
     DroppedCorner,
     FitRecord,
+    MarkedPoints,
     PhotoRecord,
     PoseRecord,
 )
@@ -51,7 +52,11 @@ def test_it_comes_back_from_its_plain_data() -> None:
 
 def test_its_keys_are_the_fields_of_its_lift() -> None:
     names = [key_of(one) for one in fields(FitRecord)]
-    ray, point = (list(FitRecord(rms_px=1.0, lift=lift).as_record()) for lift in ("ray", "point"))
+    marked = MarkedPoints(noise_px=1.5)
+    ray, point = (
+        list(FitRecord(rms_px=1.0, lift=lift, marked=marked).as_record())
+        for lift in ("ray", "point")
+    )
     assert [name for name in names if name in ray or name in point] == names
     assert {*point} - {*ray} == {"lift", "frame", "plain_rms_px", "reweighted_rms_px"}
     assert not {"uncertainty", "findings", "companion_rms_px"} & {*point}
@@ -83,7 +88,7 @@ def test_what_is_of_another_kind_is_not_known(odd: Any) -> None:
     for one in fields(FitRecord):
         found = FitRecord.of({"coverage": 0.5, key_of(one): odd})
         verbatim = {"frame", "unfit_images", "held_out_by_level", "flat", "renamed_images"}
-        if one.name not in {"coverage", *verbatim}:
+        if one.name not in {"coverage", "marked", *verbatim}:
             assert found == FitRecord(coverage=0.5), one.name
 
 

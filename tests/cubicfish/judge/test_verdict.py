@@ -1,5 +1,7 @@
 """The verdict on a fit: good where all is well, and one reason for each thing that is not."""
 
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plain_data import PLAIN
 
+import cubicfish.judge.verdict as judging
 from cubicfish.fit.calibration import Calibration
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
@@ -63,7 +66,7 @@ def test_a_good_fit_is_good() -> None:
     [
         ({"rms_px": 1.2, "held_out_rms_px": 1.3, **FAR}, "bad", "off by 1.30 px", "target.yaml"),
         ({"rms_px": 4.0, "held_out_rms_px": 4.1, **FAR}, "bad", "off by 4.10 px", "target.yaml"),
-        ({"corners": 90}, "care", "90 corners are few", "more photos"),
+        ({"corners": 90}, "care", "90 corners are too few", "more photos"),
         ({"held_out_rms_px": None}, "care", "no error was measured", "--hold-out"),
         (
             {"held_out_rms_px": None, "images": 1, "unfit_images": {}},
@@ -77,7 +80,7 @@ def test_a_good_fit_is_good() -> None:
             "2.7 times as much",
             "more photos",
         ),
-        ({"held_out_rms_px": 0.6, "companion_held_out_rms_px": 0.6}, "bad", "5.5 times", "photos"),
+        ({"held_out_rms_px": 0.5, "companion_held_out_rms_px": 0.6}, "care", "4.5 times", "photos"),
         (
             {"rms_px": 0.25, "held_out_rms_px": 0.3, "companion_held_out_rms_px": 0.25},
             "care",
@@ -90,8 +93,8 @@ def test_a_good_fit_is_good() -> None:
             "a plain radial lens is nearer",
             "the rim",
         ),
-        ({"flat": True, "images": 7}, "care", "7 photos of one flat board are few", "ten or more"),
-        ({"flat": True, "images": 3}, "bad", "3 photos of one flat board do not tell", "tilted"),
+        ({"flat": True, "images": 7}, "care", "7 photos of one flat board are too few", "ten"),
+        ({"flat": True, "images": 3}, "bad", "too few to separate the lens", "tilted"),
         (
             {"reach": {"rim_rms_px": 0.3, "middle_rms_px": 0.06, "rim_from_deg": 85.0}},
             "care",
@@ -101,20 +104,25 @@ def test_a_good_fit_is_good() -> None:
         (
             {"reach": {"all_around_deg": 60.0, "edge_uncertainty_px": 0.7}},
             "care",
-            "88° from the axis on some sides, and only 60° on all sides",
+            "covered all round only to 60° (to 88° on the best side)",
             "other sides",
         ),
-        ({"coverage": 0.4}, "care", "cover only 40 % of the field", "empty parts"),
-        ({"coverage": 0.1}, "bad", "cover only 10 % of the field", "empty parts"),
+        (
+            {"coverage": 0.4},
+            "care",
+            "cover 40 % of the field; the rest",
+            "empty parts",
+        ),
+        ({"coverage": 0.1}, "bad", "cover 10 % of the field; the rest", "empty parts"),
         ({"rank": 13}, "care", "determine 13 of 16", "other parts of the picture"),
         ({"lift": "point", "rank": 19}, "care", "19 of 20", "--lift ray"),
-        ({"uncertainty": {"median_px": 0.6}}, "care", "uncertain by 0.60 px", "sharper"),
-        ({"uncertainty": {"median_px": 3.5}}, "bad", "uncertain by 3.50 px", "sharper"),
+        ({"uncertainty": {"median_px": 0.6}}, "care", "uncertainty is 0.60 px", "sharper"),
+        ({"uncertainty": {"median_px": 1.1}}, "bad", "uncertainty is 1.10 px", "sharper"),
         (
-            {"uncertainty": {"median_px": 0.1, "max_px": 3}},
+            {"uncertainty": {"median_px": 0.1, "p95_px": 0.31}},
             "care",
-            "up to 3.00 px",
-            "corners there",
+            "0.31 px over 95 % of the field, where 0.2 px is good",
+            "corners out to the rim",
         ),
         ({"dropped": 200}, "care", "200 of 2200 corners", "which boards"),
         ({"dropped": 900}, "bad", "900 of 2900 corners", "which boards"),
@@ -154,7 +162,7 @@ def test_each_fault_is_one_reason(change: dict[str, Any], level: str, why: str, 
         {"reach": {"rim_rms_px": 0.2, "middle_rms_px": 0.03, "rim_from_deg": 85.0}},
         {"reach": {"rim_rms_px": 0.4, "middle_rms_px": 0.3, "rim_from_deg": 85.0}},
         {"reach": {"all_around_deg": 60.0, "edge_uncertainty_px": 0.4}},
-        {"uncertainty": {"median_px": 0.4, "max_px": 0.9}},
+        {"uncertainty": {"median_px": 0.15, "p95_px": 0.2}},
         {"reach": {"all_around_deg": 80.0, "edge_uncertainty_px": 0.7}},
     ],
 )
@@ -172,13 +180,13 @@ def test_the_rim_is_among_the_figures() -> None:
 def test_the_worst_reason_comes_first_and_the_others_are_counted() -> None:
     said = judged({**GOOD, "corners": 90, "coverage": 0.1, "rank": 5}, SIZE)
     assert [reason.severity for reason in said.reasons] == ["bad", "care", "care"]
-    assert verdict_line(said).startswith("not to be trusted: corners cover only 10 %")
+    assert verdict_line(said).startswith("not to be trusted: corners cover 10 %")
     assert "(and 2 more reasons)" in verdict_line(said)
 
 
 @pytest.mark.parametrize(
     ("cause", "first"),
-    [("board_order", "columns run backwards"), ("repeats", "corners cover only 10 %")],
+    [("board_order", "columns run backwards"), ("repeats", "corners cover 10 %")],
 )
 def test_a_known_cause_comes_before_what_it_leads_to(cause: str, first: str) -> None:
     finding = {"cause": cause, "level": "care", "what": "columns run backwards", "do": "turn them"}
@@ -222,7 +230,8 @@ def test_photos_beside_each_other() -> None:
     ]  # fmt: skip
     assert [render_short(one) for one in reported[5]] == ["5× the others"]
     assert [photo_words(own) for own in reported] == [
-        *["good"] * 5, "5 times the others' error; look at it", "2 dropped; few corners",
+        *["good"] * 5, "5 times the others' error; look at it, or --exclude it",
+        "2 dropped; few corners",
     ]  # fmt: skip
     far = {"per_image": [{"image": "a", "rms_px": 5.0, "corners": 50}] * 3}
     assert [photo_words(own) for own in reported_of_photos(far)] == ["large errors"] * 3
@@ -280,4 +289,20 @@ def test_small_errors_do_not_clear_an_uncertain_camera(sigma: float, level: str)
     assert judged.level == level
     assert [reason.code for reason in judged.reasons] == [Code.UNCERTAIN] * (level != "good")
     larger = evaluation_verdict(errors, uncertainty, FitRecord(), (8000, 6000))
-    assert larger.level == ("good" if sigma < 2 else "care")
+    assert larger.level == ("good" if sigma < 2 else "bad")
+
+
+def test_the_page_of_figures_states_the_limits_of_the_verdict() -> None:
+    page = Path(__file__).parents[3] / "docs" / "expectations.md"
+    rows = [line.split(" | ") for line in page.read_text(encoding="utf-8").splitlines()]
+    stated = {
+        row[0].strip("| "): [float(re.findall(r"[0-9.]+", cell)[0]) for cell in row[1:]
+                             if re.search(r"[0-9]", cell)]
+        for row in rows
+        if len(row) == 4
+    }  # fmt: skip
+    assert stated["held-out RMS"] == [*judging._ERROR_PX]
+    assert stated["coverage"] == [100 * limit for limit in judging.COVERAGE]
+    assert stated["uncertainty, median over the field"] == [*judging._MEDIAN_UNCERTAINTY_PX]
+    assert stated["uncertainty, 95 % of the field"] == [judging.GOAL_PX]
+    assert stated["outliers"] == [100 * limit for limit in judging._DROPPED_SHARE]

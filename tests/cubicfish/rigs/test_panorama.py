@@ -20,8 +20,8 @@ from cubicfish import (
 from cubicfish.models import cone_rays
 from cubicfish.rigs import Body, RigCamera
 from cubicfish.rigs.panorama import edge_distance
+from cubicfish.scene.truth import rotation_matrix
 from cubicfish.views import CentralView
-from cubicfish_cli.viewpoints.truth import rotation_matrix
 from tests.cubicfish.rigs.test_stereo import calibrated as calibrated_pair
 
 Light = Callable[[np.ndarray], np.ndarray]

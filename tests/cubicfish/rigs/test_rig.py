@@ -28,6 +28,7 @@ from cubicfish.rigs.shots import (
 )
 from cubicfish.rigs.start import median_pose
 from cubicfish.rigs.times import CornerMotion
+from cubicfish.scene.truth import Pose, pose_of_matrix, rotation_matrix
 from cubicfish.solve.adjustment import Adjustment, State, adjust, linearise
 from cubicfish.solve.deformable_target import DeformableTarget
 from cubicfish.solve.fit_lens import FreeLens
@@ -38,7 +39,6 @@ from cubicfish.target.observations import Observations
 from cubicfish.target.placement import renamed, symmetries
 from cubicfish.target.target import Target
 from cubicfish.types import FloatArray
-from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.words.sentences import render
 
 NAMES = ("left", "right")

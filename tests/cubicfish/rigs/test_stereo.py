@@ -11,12 +11,11 @@ from simulated_rig import RigTruth, corner_target, simulated_rig
 from synthetic import TRUE_LENS
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
-from cubicfish import RectifiedPair, Rig, ViewError, build_map, build_view
+from cubicfish import RectifiedPair, Rig, ViewError, build_map, build_view, calibrate_rig, rectify
 from cubicfish.geometry import camera_centre
 from cubicfish.rigs.stereo import ROW_ALIGNED, rectified_pair
+from cubicfish.scene.truth import Pose, rotation_matrix
 from cubicfish.views import CentralView
-from cubicfish_cli import calibrate_rig, rectify
-from cubicfish_cli.viewpoints.truth import Pose, rotation_matrix
 
 PLACE: Pose = (np.array([0.02, 0.1, -0.03]), np.array([-120.0, 4.0, 6.0]))
 VIEWS = {

@@ -2,7 +2,6 @@
 
 import functools
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 from hand_held import RATE, Hand, hand_held
 from scipy.interpolate import make_smoothing_spline
 
-from cubicfish.io.corners_csv import save_corners
 from cubicfish.rigs import fitted_rig
 from cubicfish.rigs.calibrate import calibrate_rig
 from cubicfish.rigs.motion import paths_between, smooth_track
@@ -22,9 +20,6 @@ from cubicfish.solve.leave_one_out import LeaveOneOut
 from cubicfish.solve.poses import Poses, rotation_from_vector
 from cubicfish.solve.subset import select_photos
 from cubicfish.types import FloatArray
-from cubicfish_cli import save_target
-from cubicfish_cli.extensions.rigs.calibrate import RigOptions, calibrate_rig_files
-from cubicfish_cli.extensions.rigs.evaluate import RigEvaluateOptions, evaluate_rig_files
 
 
 def test_a_smooth_track_is_the_spline_of_cross_validation() -> None:
@@ -89,23 +84,6 @@ def test_no_shot_that_is_left_out_is_far_off_where_cameras_run_free() -> None:
     rig, _, _ = free_running()
     assert rig.fit.rms_px < 0.13  # 0.07 of it noise
     assert rig.fit.rms_px < rig.fit.held_out_rms_px < 1.2 * rig.fit.rms_px
-
-
-@pytest.mark.slow
-def test_a_rig_is_evaluated_with_the_times_that_it_was_fitted_with(tmp_path: Path) -> None:
-    made, cameras = hand_held(2, moments=20, scatter=0.02), "abc"
-    save_target(tmp_path / "target.yaml", made.target)
-    files = [tmp_path / f"{name}.csv" for name in cameras]
-    rows = ["camera,image,seconds"]
-    for name, path, own, times in zip(cameras, files, made.corners, made.times, strict=True):
-        save_corners(path, own)
-        rows += [f"{name},{photo},{time}" for photo, time in times.items()]
-    (tmp_path / "times.csv").write_text("\n".join(rows) + "\n")
-    reported = {"target": tmp_path / "target.yaml", "times": tmp_path / "times.csv"}
-    options = RigOptions(cameras=files, folder=tmp_path / "rig", refine_target="off", **reported)
-    rig = calibrate_rig_files(options).rig
-    found = evaluate_rig_files(RigEvaluateOptions(rig=tmp_path / "rig", cameras=files, **reported))
-    assert found.rms_px == pytest.approx(rig.fit.rms_px, rel=0.1)
 
 
 @pytest.mark.slow

@@ -184,8 +184,11 @@ def test_planes_are_counted_once(tmp_path: Path) -> None:
     assert count_planes(load(tmp_path, solid).boards) == 0
 
 
-def test_units_may_be_any_text(tmp_path: Path) -> None:
-    assert load(tmp_path, FLOOR, units="square side").units == "square side"
+def test_units_are_lengths_or_squares(tmp_path: Path) -> None:
+    for units in ("mm", "Inches", "square side"):
+        assert load(tmp_path, FLOOR, units=units).units == units
+    with pytest.raises(TargetError, match="units: 'furlong' is not known: write mm, cm, m, in"):
+        load(tmp_path, FLOOR, units="furlong")
 
 
 def test_faces_back_to_back_are_two_places(tmp_path: Path) -> None:
@@ -224,7 +227,7 @@ REFUSED: list[tuple[list[object], str]] = [
     ([{**FLOOR, "square": NAN}], "'floor', square: must be a positive, finite"),
     ([{**FLOOR, "square": float("inf")}], "'floor', square: must be a positive, finite"),
     ([{**FLOOR, "square": True}], "'floor', square: must be a positive, finite"),
-    ([{**FLOOR, "square": "40 mm"}], "'floor', square: .* not '40 mm'"),
+    ([{**FLOOR, "square": "40 mn"}], "'floor', square: .* not '40 mn'"),
     ([{**FLOOR, "square": 10**299}], "'floor', square: must be a positive, finite"),
     ([{**FLOOR, "square": 10**400}], "a number with too many digits"),
     ([{**FLOOR, "first_square": "black"}], "'floor', first_square: 'black' is not known"),

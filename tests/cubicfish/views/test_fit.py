@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from asymmetric_lens import AsymmetricLens
 from lenses import cubic_camera
 from synthetic import TRUE_LENS
 
-from cubicfish import ViewError, build_map, build_view, load_camera
+from cubicfish import Calibration, ViewError, build_map, build_view
 from cubicfish.models.sphere import cone_rays
 from cubicfish.views import CentralView
 from cubicfish.views.fields import (
@@ -175,8 +174,8 @@ def test_the_seen_field_is_what_rays_say(kind, yaw):
         assert 0.5 < expected[0] / view.hfov_deg < 0.9
 
 
-def test_longitude_and_latitude_are_as_large_as_what_is_seen(calibrated: Path) -> None:
-    camera = load_camera(calibrated / "camera.yaml").camera
+def test_longitude_and_latitude_are_as_large_as_what_is_seen(fitted: Calibration) -> None:
+    camera = fitted.camera
     view = build_view(camera, "equirectangular")
     assert view.focal == pytest.approx(axis_focal(camera))
     assert kept_share(camera, view) > 0.97
@@ -193,3 +192,16 @@ def test_longitude_and_latitude_are_as_large_as_what_is_seen(calibrated: Path) -
     assert kept_share(camera, up) > 0.999  # a pole is at the edge
     assert up.hfov_deg == pytest.approx(360, abs=0.5)
     assert build_view(camera, "equirectangular", size=(400, 200)).size == (400, 200)
+
+
+@pytest.mark.parametrize("kind", ["cylindrical", "epipolar-cylindrical"])
+def test_a_cylinder_ends_where_nothing_more_is_seen(kind):
+    camera = cubic_camera(95.0)
+    view = build_view(camera, kind)
+    side = int(kind != "cylindrical")
+    seen = build_map(camera, view).valid.any(axis=side)
+    assert seen[[0, -1]].any()
+    whole = build_view(camera, kind, size=camera.image_size)
+    assert view.size[side] < whole.size[side] == camera.image_size[side]
+    assert whole.focal == view.focal
+    assert build_map(camera, view).valid.sum() == build_map(camera, whole).valid.sum()

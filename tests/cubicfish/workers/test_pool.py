@@ -11,7 +11,7 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
 import pytest
-from running import SAMPLE
+from samples import SAMPLE
 
 from cubicfish.errors import DetectionError, PhotoError
 from cubicfish.workers import pool

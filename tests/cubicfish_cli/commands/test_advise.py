@@ -7,7 +7,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from pairs_csv import write_pairs
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 TARGET = SAMPLE / "target.yaml"
 

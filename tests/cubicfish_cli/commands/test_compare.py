@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 
 @pytest.fixture(scope="module")

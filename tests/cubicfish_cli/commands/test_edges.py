@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from running import SAMPLE, Run, invoke_cli
+from running import Run, invoke_cli
+from samples import SAMPLE
 
 from cubicfish.find.detection.grids import FoundGrids
 from cubicfish.observe.photo_detection import GridCache

@@ -11,7 +11,8 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 from synthetic_lenses import synthetic_lens
 
 from cubicfish import CubicCamera, build_view, load_camera
@@ -53,6 +54,32 @@ def test_a_smaller_field_is_seen_where_the_camera_is_trusted_less(calibrated: Pa
     assert seen.horizontal == pytest.approx(80, abs=1)
     assert seen.diagonal == pytest.approx(80, abs=1)
     assert whole.horizontal < 2 * camera.max_angle_deg + 1e-6
+
+
+@pytest.mark.parametrize("share", [0.7, 0.5])
+def test_what_a_lens_shows_does_not_depend_on_where_the_board_was(
+    calibrated: Path, share: float
+) -> None:
+    """Of a photo's middle rows, where the truth is inside 90° from the axis."""
+    camera = load_camera(calibrated / "camera.yaml").camera
+    shift = np.array([[1.0, 0, 0], [0, 1, -160], [0, 0, 1]])
+    cut = replace(
+        camera,
+        image_size=(960, 400),
+        P=shift @ camera.P,
+        radial=replace(camera.radial, cy=camera.radial.cy - 160, image_size=(960, 400)),
+    )
+    whole, seen = field_seen(cut), field_seen(replace(cut, max_angle_deg=share * whole_deg(cut)))
+    assert whole.off_deg[1] == 0
+    assert abs(seen.vertical - whole.vertical) <= 3 * seen.off_deg[1] < 12
+    # To the sides the photo may be black, or not.
+    assert seen.horizontal == pytest.approx(2 * share * whole_deg(cut), abs=1)
+    assert str(seen).startswith(f"at least {seen.horizontal:.0f}° x {seen.vertical:.0f}°")
+
+
+def whole_deg(camera: CubicCamera) -> float:
+    """Half of what a photo shows from its top to its bottom, degrees."""
+    return field_seen(camera).vertical / 2
 
 
 def test_a_photo_shows_its_edges_also_where_the_camera_is_not_calibrated(
@@ -144,10 +171,19 @@ def test_the_title_and_the_line_are_in_the_file_and_in_the_output(run: Run, tmp_
     table, target = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
     line = ("calibrate", table, "-t", target, "--no-hold-out", "-o", tmp_path / "c")
     said = run(*line, "--title", "front left").stdout
-    first = said.splitlines()[0]
-    assert re.match(r"front left: 960x720 px, sees \d+° x \d+° \(\d+° diagonal\), ", first)
-    assert (tmp_path / "c" / "camera.yaml").read_text().startswith(f"# {first}\ncubicfish: 1\n")
-    assert run("info", tmp_path / "c").stdout.splitlines()[0] == first
+    lens = said.splitlines()[1]
+    assert re.match(
+        r"front left: 960x720 px, sees at least \d+° x \d+° \(at least \d+° diagonal\), "
+        r"calibrated to \d+° from the axis, focal length ",
+        lens,
+    )
+    first, second = (tmp_path / "c" / "camera.yaml").read_text().splitlines()[:2]
+    assert re.fullmatch(
+        re.escape(f"# {lens}, ") + r"error 0\.\d+ px RMS, uncertainty ±0\.\d+ px, usable with care",
+        first,
+    )
+    assert second == "cubicfish: 1"
+    assert run("info", tmp_path / "c").stdout.splitlines()[0] == first[2:]
     error = run(*line, "--title", "two\nlines", "--overwrite", code=2).stderr
     assert "--title must be a line of plain text" in error
 

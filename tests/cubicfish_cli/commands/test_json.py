@@ -12,7 +12,8 @@ import pytest
 from command_tree import commands
 from lenses import smaller
 from reference import keys_of
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 from cubicfish import load_camera
 from cubicfish_cli import save_camera

@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 import cubicfish
 from cubicfish import FitError

@@ -1,12 +1,14 @@
 """What calibrate prints, in which order, and what it says is next."""
 
+import re
 import shutil
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 from terminals import Screen, widest
 
 from cubicfish import Finding, Verdict
@@ -20,6 +22,9 @@ CAMERA = Path("calibration") / "camera.yaml"
 GOOD = Verdict(level="good", figures="off by 0.1 px", reasons=())
 
 
+CARE = Verdict(level="care", reasons=(Finding(code=Code.LOW_COVERAGE, severity=Severity.CARE),))
+
+
 def bad(code: Code, **figures: float) -> Verdict:
     reason = Finding(code=code, severity=Severity.BAD, figures=figures)
     return Verdict(level="bad", figures="off by 9 px", reasons=(reason,))
@@ -30,8 +35,15 @@ def bad(code: Code, **figures: float) -> Verdict:
     [
         (GOOD, CAMERA, Path("photos/a b.JPG"), "cubicfish undistort 'photos/a b.JPG' flat.jpg\n"),
         (GOOD, Path("l") / "camera.yaml", None, "cubicfish undistort PHOTO flat.png --model l\n"),
-        (bad(Code.NO_FIGURES), CAMERA, Path("a.jpg"), "Next: calibrate again\n      open "),
-        (bad(Code.SMALL_FIELD, share=0.1), CAMERA, None, "\n      cubicfish advise\n"),
+        (CARE, CAMERA, Path("a.jpg"), "Next: cubicfish advise\n      cubicfish undistort a.jpg "),
+        (bad(Code.NO_FIGURES), CAMERA, Path("a.jpg"), "Next: open calibration/report.html\n"),
+        (bad(Code.SMALL_FIELD, share=0.1), CAMERA, None, "Next: cubicfish advise\n"),
+        (
+            bad(Code.LARGE_ERRORS, error_px=2.0),
+            CAMERA,
+            None,
+            "target check 'a b.yaml'\n",
+        ),
     ],
 )
 def test_what_is_next_can_be_pasted_or_mends_it(
@@ -43,23 +55,40 @@ def test_what_is_next_can_be_pasted_or_mends_it(
     says: str,
 ) -> None:
     monkeypatch.setattr(terminal, "verbosity", lambda: 0)
-    calibrate.print_next_steps(judged, camera, photo, camera.with_name("report.html"))
+    files = Path("a b.yaml"), camera.with_name("report.html")
+    calibrate.print_next_steps(judged, camera, photo, *files)
     said = capsys.readouterr().out
     assert says in said
-    assert said.endswith(f"      open {camera.with_name('report.html')}\n")
+    assert said.count("\n") == 2 + (judged.level == "care")
     assert ("undistort" in said) == (judged.level != "bad")
     monkeypatch.setattr(terminal, "verbosity", lambda: -1)
-    calibrate.print_next_steps(judged, camera, photo, None)
+    calibrate.print_next_steps(judged, camera, photo, *files)
     assert capsys.readouterr().out == ""
 
 
 @pytest.mark.usefixtures("quick_fit")
-def test_the_verdict_stands_first_and_photos_follow(run: Run, tmp_path: Path) -> None:
+def test_the_headline_is_first_and_last_and_the_verdict_ends_the_screen(
+    run: Run, tmp_path: Path
+) -> None:
     line = ("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o", tmp_path / "c")
     said = run(*line).stdout
-    places = [said.index(words) for words in ("960x720 px, sees", "verdict: ", "RMS reprojection",
-                                              "corner_01.jpg", "wrote ", "Next: ")]  # fmt: skip
+    first, *lines = said.splitlines()
+    found = re.fullmatch(
+        r"(0\.\d+ px where corners were, ±0\.\d+ px over the field, \d+ % of the photo "
+        "calibrated): usable with care",
+        first,
+    )
+    assert found
+    assert found[1] in lines[-7:]
+    places = [said.index(words) for words in ("960x720 px, sees", "RMS reprojection", "corner_",
+                                              "wrote ", "verdict: ", "Next: ")]  # fmt: skip
     assert places == sorted(places)
+    # Of ten photos that are good the worst three are shown.
+    shown = [line.split() for line in lines if line.startswith("corner_")]
+    assert [row[-1] for row in shown] == ["good"] * 3
+    assert "10 photos good; all of them: -v, or " in said
+    every = run(*line, "--overwrite", "-v").stdout
+    assert every.count("\ncorner_") == 10
 
 
 @pytest.mark.slow

@@ -19,7 +19,8 @@ import pytest
 import yaml
 from command_tree import commands
 from pairs_csv import write_pairs
-from running import SAMPLE, invoke_cli, run_cli
+from running import invoke_cli, run_cli
+from samples import SAMPLE
 
 import cubicfish
 from cubicfish import Target, load_corners
@@ -27,11 +28,11 @@ from cubicfish.find.identification.second_pass import Prediction
 from cubicfish.fit import calibrate as fit
 from cubicfish.observe import detection, glances
 from cubicfish.rigs import alone
+from cubicfish.scene import photos as simulate
 from cubicfish.workers import cluster, pool
 from cubicfish_cli import CubicfishError, load_camera, save_camera
 from cubicfish_cli.commands import exporting
 from cubicfish_cli.extensions.advice import advise
-from cubicfish_cli.extensions.simulation import simulate
 from tests.cubicfish_cli.extensions.rigs.test_export import made_rig
 
 TARGET, ALL_CORNERS = SAMPLE / "target.yaml", SAMPLE / "true_corners.csv"
@@ -80,12 +81,14 @@ CASES = {
             "--square": ("2in", {"board"}),
             "--correspondences": ("{pairs}", {"pairs"}),
             "--size": ("640x480", {"corners", "pairs", "point"}),
+            "--noise": ("1.5", {"pairs"}),
             "--output": ("{out}/d", FITS),
             "--title": ("left", FITS),
             "--refine-target": ("shape", FITS - {"pairs", "point"}),
             "--hold-out": (None, FITS),
             "--lift": ("point", FITS),
             "--most": ("2", SEARCHED),
+            "--exclude": ("*2*", FITS),
             "--no-report": (None, FITS),
             "--max-rms": ("0.0001", FITS),
             "--overwrite": (None, FITS),
@@ -106,6 +109,7 @@ CASES = {
             "--square": ("3cm", set()),
             "--model": ("{true}", {"photos", "corners", "pairs"}),
             "--size": ("640x480", {"corners", "pairs"}),
+            "--exclude": ("*2*", {"photos", "corners", "pairs"}),
             "--max-rms": ("0.0001", {"photos", "corners", "pairs"}),
             "--json": (None, {"photos", "corners", "pairs"}),
             "--jobs": ("1", {"photos"}),
@@ -119,6 +123,7 @@ CASES = {
             "--board": ("8x5", set()),
             "--square": ("3cm", set()),
             "--output": ("{out}/d.csv", {"file"}),
+            "--exclude": ("*2*", {"file"}),
             "--draw": ("{out}/seen", {"file"}),
             "--overwrite": (None, {"file"}),
             "--json": (None, {"file"}),
@@ -239,6 +244,7 @@ CASES = {
             "--from": ("opencv", {"one", "several"}),
             "--camera": ("cam7", {"several"}),
             "--size": ("640x480", {"one", "several"}),
+            "--lens": ("fisheye", set()),  # only of four coefficients: test_camera_keys.py
             "--max-angle": ("50", {"one", "several"}),
             "--output": ("{out}/d.yaml", {"one", "several"}),
             "--overwrite": (None, {"one", "several"}),
@@ -249,15 +255,17 @@ CASES = {
         lines={
             "lens": "{camera} --to opencv -o {out}/c.yaml",
             "maps": "{camera} --to maps -o {out}/m.npz",
+            "source": "{camera} --to c -o {out}/c.h",
         },
         used={
             "--model": ("{small}", set()),
-            "--to": ("ros", {"lens", "maps"}),
-            "--output": ("{out}/d.npz", {"lens", "maps"}),
+            "--to": ("ros", {"lens", "maps", "source"}),
+            "--name": ("left", {"source"}),
+            "--output": ("{out}/d.npz", {"lens", "maps", "source"}),
             "--max-error": ("1e-9", {"lens"}),
             "--max-angle": ("40", {"lens"}),
-            "--overwrite": (None, {"lens", "maps"}),
-            "--json": (None, {"lens", "maps"}),
+            "--overwrite": (None, {"lens", "maps", "source"}),
+            "--json": (None, {"lens", "maps", "source"}),
         },
     ),
     "compare": Case(

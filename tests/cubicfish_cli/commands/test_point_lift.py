@@ -1,11 +1,13 @@
 """``cubicfish calibrate --lift point`` and ``project`` with what it writes."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 from cubicfish import Target, load_any_camera, load_corners
 
@@ -30,7 +32,7 @@ def test_one_photo_gives_a_camera_of_its_boards(run: Run, one_photo: Path, tmp_p
     assert record["rms_px"] < 1
     assert record["summary"].startswith("960x720 px, error ")
     said = run(*args, "-o", tmp_path / "b").stdout
-    assert said.startswith(record["summary"] + "\n")
+    assert re.match(r"0\.\d+ px where corners were, \d+ % of the photo calibrated: ", said)
     assert (tmp_path / "b" / "camera.yaml").read_text().startswith(f"# {record['summary']}\n")
     assert "19     of 20: P means something on the boards only" in said
     assert sorted(path.name for path in (tmp_path / "b").iterdir()) == [

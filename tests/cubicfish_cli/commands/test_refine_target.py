@@ -4,7 +4,8 @@ import json
 
 import pytest
 import yaml
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 
 @pytest.fixture(scope="module")

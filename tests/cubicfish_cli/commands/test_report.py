@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 import yaml
 from pairs_csv import write_pairs
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 from cubicfish import Target, load_corners
 
@@ -257,7 +258,7 @@ def test_a_refined_object_is_reported(run: Run, tmp_path: Path) -> None:
     run("calibrate", CORNERS, "-t", TARGET, "-o", folder, *args)
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "The target as fitted beside target.yaml" in page
-    assert "as paper and plates are" in page
+    assert "normal for a printed board" in page
     run("report", folder, "-o", tmp_path / "again.html")
     assert (tmp_path / "again.html").read_text(encoding="utf-8") == page
     (folder / "target.refined.yaml").unlink()

@@ -5,7 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 from cubicfish import Calibration, Target
 from cubicfish_cli import load_corners, save_camera, save_corners

@@ -5,7 +5,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"
 

@@ -7,13 +7,14 @@ import cv2
 import numpy as np
 import pytest
 from lenses import smaller
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 from synthetic import checkerboard
 
 from cubicfish import Target, load_camera, load_corners
 from cubicfish.fit.evaluate import evaluate
+from cubicfish.scene.truth import camera_points, load_poses
 from cubicfish_cli import save_camera, save_target
-from cubicfish_cli.viewpoints.truth import camera_points, load_poses
 
 TARGET = SAMPLE / "target.yaml"
 

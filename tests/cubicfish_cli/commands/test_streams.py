@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from running import SAMPLE
+from samples import SAMPLE
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs a shell of POSIX")
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 import yaml
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 from synthetic import box_of_four
 
 from cubicfish import Target

@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 from cubicfish import TargetError, load_corners
 from cubicfish_cli.inputs.target_source import colourings, target_in
@@ -99,7 +100,7 @@ def test_what_does_not_go_together_is_wrong_usage(run: Run, calibrated: Path) ->
     assert "--square is of --board" in run(*line, "--square", "3cm", code=2).stderr
     both = ("-t", SAMPLE / "target.yaml", "--board", "9x6", "--square", "1in")
     assert "leave --board out" in run(*line, *both, code=2).stderr
-    assert "no length" in run(*line, "--board", "9x6", "--square", "wide", code=1).stderr
+    assert "not a length" in run(*line, "--board", "9x6", "--square", "wide", code=1).stderr
     for counts in ("1x6", "9x1", "101x6", "9x101", "9"):
         wrong = run(*line, "--board", counts, "--square", "1in", code=2).stderr
         assert "not two numbers from 2 to 100" in wrong.replace("\n", " ")

@@ -9,11 +9,14 @@ import cv2
 import numpy as np
 import pytest
 from looking import look_at
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 from synthetic import IMAGE_SIZE, TRUE_LENS, rays_in_cone
 
 from cubicfish import Target, aligned_difference, load_camera
 from cubicfish.find import find_grids
+from cubicfish.scene.faces import board_face
+from cubicfish.scene.photos import render
 from cubicfish.target import Board
 from cubicfish_cli.extensions.printing.command import PrintOptions
 from cubicfish_cli.extensions.printing.layout import (
@@ -24,9 +27,7 @@ from cubicfish_cli.extensions.printing.layout import (
 )
 from cubicfish_cli.extensions.printing.objects import design
 from cubicfish_cli.extensions.printing.paper import paper
-from cubicfish_cli.extensions.simulation.simulate import render
 from cubicfish_cli.render import drawing as extra
-from cubicfish_cli.render.board_faces import board_face
 from tests.cubicfish_cli.commands.test_main import CUBICFISH, heavy_modules_after
 
 pytest.importorskip("matplotlib")
@@ -269,9 +270,9 @@ def test_points_are_not_printed_and_unknown_units_refused(run: Run, tmp_path: Pa
     path.write_text(f"units: mm\nboards:\n{dots}")
     said = run("target", "print", path, "-o", tmp_path / "dots", code=1).stderr
     assert "lists of points only, which have no print" in said
-    path.write_text(f"units: cubit\nboards:\n{board}")
+    path.write_text(f"units: squares\nboards:\n{board}")
     said = run("target", "print", path, "-o", tmp_path / "cubits", code=1).stderr
-    assert "units 'cubit' cannot be printed" in said
+    assert "units 'squares' cannot be printed" in said
 
 
 @pytest.mark.slow

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import pytest
 from lenses import random_rays
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 from cubicfish.models.cubic import pole_or_fold_deg
 from cubicfish_cli import load_camera

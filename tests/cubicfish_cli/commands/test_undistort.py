@@ -1,20 +1,26 @@
 """undistort and map: the right view of the right photos, and nothing replaced unasked."""
 
+import io
 import re
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 import yaml
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 from saved_maps import read_map
 
-from cubicfish import load_camera
+from cubicfish import load_camera, save_camera
+from cubicfish_cli.commands import pictures
+from cubicfish_cli.commands.undistort import named_sources
 
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"
 
@@ -48,7 +54,7 @@ def test_a_folder_goes_to_a_folder(run: Run, model: Path, tmp_path: Path) -> Non
     (photos / "notes.txt").write_text("not a photo")
     said = run("undistort", photos, tmp_path / "out", "-m", model, "--size", "96x72").stdout
     assert said.startswith(f"wrote 2 pictures to {tmp_path / 'out'}: 96x72 pixels, ")
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.jpg", "b.jpg"]
+    assert sorted(path.name for path in (tmp_path / "out").glob("[!.]*")) == ["a.jpg", "b.jpg"]
     assert picture(tmp_path / "out" / "b.jpg").shape == (72, 96, 3)
 
 
@@ -63,7 +69,7 @@ def test_nothing_is_replaced_unasked_and_nothing_done_by_half(
     (out / "b.jpg").write_text("old")
     args = ["undistort", photos, out, "-m", model, "--size", "96x72"]
     assert "b.jpg exists already" in run(*args, code=1).stderr
-    assert [path.name for path in out.iterdir()] == ["b.jpg"]
+    assert [path.name for path in out.glob("[!.]*")] == ["b.jpg"]
     said = run(
         "undistort", PHOTO, tmp_path / "new.png", "-m", model, "--mask", out / "b.jpg", code=1
     )
@@ -179,7 +185,7 @@ def test_a_bad_photo_is_named_and_the_rest_done(
 ) -> None:
     out = tmp_path / "out"
     done = run("undistort", photos, out, "-m", model, "--hfov", "90", "-j", jobs, code=1)
-    assert sorted(path.name for path in out.iterdir()) == ["a.jpg", "c.jpg"]
+    assert sorted(path.name for path in out.glob("[!.]*")) == ["a.jpg", "c.jpg"]
     first, last = done.stderr.splitlines()
     assert first.startswith(f"failed: {photos / 'b.jpg'} is cut short")
     assert last == "Error: 1 of 3 photos could not be undistorted: see above"
@@ -219,18 +225,58 @@ def test_existing_results_are_skipped_when_asked(
     out = tmp_path / "out"
     args = ["undistort", photos, out, "-m", model, "--size", "96x72", "--skip-existing"]
     run(*args, code=1)
-    before = {path.name: path.stat().st_mtime_ns for path in out.iterdir()}
+    before = {path.name: path.stat().st_mtime_ns for path in out.glob("[!.]*")}
     (photos / "b.jpg").write_bytes(PHOTO.read_bytes())
     said = run(*args)
     assert "skipped 2 photos" in said.stderr
     assert said.stdout.startswith(f"wrote {out / 'b.jpg'}: ")
-    after = {path.name: path.stat().st_mtime_ns for path in out.iterdir()}
+    after = {path.name: path.stat().st_mtime_ns for path in out.glob("[!.]*")}
     assert {name: after[name] for name in before} == before
     assert len(after) == 3
     assert run(*args).stdout == "nothing to do\n"
     mask = tmp_path / "mask.png"
     assert run(*args, "--mask", mask).stdout == f"nothing to do\nwrote {mask}\n"
     assert run(*args, "--mask", mask).stdout == "nothing to do\n"
+
+
+def test_pictures_of_two_cameras_or_views_are_not_mixed(
+    run: Run, model: Path, tmp_path: Path, photos: Path
+) -> None:
+    (photos / "b.jpg").unlink()
+    out, other = tmp_path / "out", tmp_path / "other.yaml"
+    camera = load_camera(model).camera
+    save_camera(other, replace(camera, max_angle_deg=camera.max_angle_deg - 5))
+    args = ["undistort", photos, out, "--size", "96x72"]
+    run(*args, "-m", model)
+    (photos / "d.jpg").write_bytes(PHOTO.read_bytes())
+    said = run(*args, "-m", other, "--skip-existing", code=1).stderr
+    assert "another camera" in said
+    assert str(model) in said.replace("\n", "")
+    more = ("-m", model, "--skip-existing")
+    assert "another view" in run(*args, *more, "--hfov", 50, code=1).stderr
+    assert not (out / "d.jpg").exists()
+    assert "skipped 2 photos" in run(*args, *more).stderr
+    run(*args, "-m", other, "--overwrite")
+    assert run(*args, "-m", other, "--skip-existing").stdout == "nothing to do\n"
+
+
+def test_what_another_run_writes_meanwhile_is_skipped(
+    run: Run, model: Path, tmp_path: Path, photos: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (photos / "b.jpg").unlink()
+    args = ["undistort", photos, tmp_path / "out", "-m", model, "--size", "96x72", "-j", 1]
+    plan = pictures.plan_pictures
+
+    def plan_and_be_overtaken(*given: Any, **more: Any) -> Any:
+        made = plan(*given, **more)
+        monkeypatch.setattr(pictures, "plan_pictures", plan)
+        run(*args)
+        return made
+
+    monkeypatch.setattr(pictures, "plan_pictures", plan_and_be_overtaken)
+    said = run(*args, "--skip-existing")
+    assert "skipped 2 photos" in said.stderr
+    assert said.stdout == "nothing to do\n"
 
 
 def test_of_a_cube_that_is_there_in_part_the_rest_is_made(
@@ -246,6 +292,20 @@ def test_of_a_cube_that_is_there_in_part_the_rest_is_made(
     assert {path: path.read_bytes() for path in tmp_path.glob("c_*.png")} == {**made, kept: b"mine"}
 
 
+@pytest.mark.parametrize("listed", ["{0}\n\n  \n{1}\n\n", "{0}\r\n\r\n{1}", "{0}\0{1}\0"])
+def test_names_on_stdin_may_have_blank_lines_or_zeros_between(
+    monkeypatch: pytest.MonkeyPatch, listed: str
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO(listed.format("a b.jpg", "c.jpg"), newline=""))
+    assert named_sources(["first.jpg", "-"]) == ["first.jpg", "a b.jpg", "c.jpg"]
+
+
+@pytest.mark.parametrize("listed", ["", "\n \n", "\0\0"])
+def test_no_names_on_stdin_are_wrong_usage(run: Run, tmp_path: Path, listed: str) -> None:
+    said = run("undistort", "-", tmp_path / "out", "-m", "any.yaml", input=listed, code=2).stderr
+    assert "stdin lists no photos: give one name a line" in said
+
+
 def test_names_come_as_arguments_globs_and_from_stdin(
     run: Run, model: Path, tmp_path: Path, photos: Path
 ) -> None:
@@ -256,11 +316,11 @@ def test_names_come_as_arguments_globs_and_from_stdin(
     run("undistort", str(photos / "*.jpg"), tmp_path / "o2", *common)
     run("undistort", "-", tmp_path / "o3", *common, input=f"{a}\n\n{c}\n")
     for folder in ("o1", "o2", "o3"):
-        assert sorted(p.name for p in (tmp_path / folder).iterdir()) == ["a.jpg", "c.jpg"]
+        assert sorted(p.name for p in (tmp_path / folder).glob("[!.]*")) == ["a.jpg", "c.jpg"]
     run("undistort", a, tmp_path / "o1", *common, "--overwrite")
     (tmp_path / "o4").mkdir()
     run("undistort", a, tmp_path / "o4", *common)
-    assert [p.name for p in (tmp_path / "o4").iterdir()] == ["a.jpg"]
+    assert [p.name for p in (tmp_path / "o4").glob("[!.]*")] == ["a.jpg"]
     assert "lists no photos" in run("undistort", "-", "o", *common, input="\n", code=2).stderr
 
 
@@ -431,7 +491,7 @@ def test_a_bad_video_is_named_and_the_rest_done(run: Run, model: Path, tmp_path:
     done = run("undistort", str(tmp_path / "*.mp4"), tmp_path / "out", *args, code=1)
     end = "Error: 1 of 2 videos could not be undistorted: see above"
     assert done.stderr.splitlines()[-1] == end
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["a.mp4"]
+    assert [path.name for path in (tmp_path / "out").glob("[!.]*")] == ["a.mp4"]
     cube = ["--view", "cube"]
     said = run("undistort", tmp_path / "a.mp4", "o.mp4", "-m", model, *cube, code=2).stderr
     assert "choose another for videos" in said

@@ -6,7 +6,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 from cubicfish import Target, read_picture
 

@@ -13,7 +13,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from running import SAMPLE, Run
+from running import Run
+from samples import SAMPLE
 
 from cubicfish.workers import cluster
 from cubicfish_cli.commands import pictures

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from running import ROOT, SAMPLE, Run, invoke_cli
+from running import Run, invoke_cli
+from samples import ROOT, SAMPLE
 
 from cubicfish import CubicfishError, Finding
 from cubicfish_cli import extension_guard

@@ -11,7 +11,8 @@ from pkgutil import resolve_name
 from typing import NamedTuple
 
 import pytest
-from running import ROOT, SAMPLE, Run
+from running import Run
+from samples import ROOT, SAMPLE
 
 import cubicfish_cli
 from cubicfish_cli.extension_table import TABLE

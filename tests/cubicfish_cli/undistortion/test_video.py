@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 import pytest
 from lenses import cubic_camera
+from listening import Heard
 
-from cubicfish import Listener, OutputError, PhotoError, ViewError, build_map, undistort
+from cubicfish import Event, Listener, OutputError, PhotoError, ViewError, build_map, undistort
 from cubicfish.listener import Count
 from cubicfish.photos import PictureFile
 from cubicfish.views import CentralView
@@ -34,13 +35,18 @@ def scene(number: int) -> np.ndarray:
     return np.round(127.5 + 100 * np.stack(parts, axis=-1)).astype(np.uint8)
 
 
-def write_video(path: Path, *, pix_fmt: str = "yuv420p", codec: str = "libx264", audio=True):
+def write_video(
+    path: Path, *, pix_fmt: str = "yuv420p", codec: str = "libx264", audio=True, options=None
+):
     with av.open(str(path), "w") as container:
         lossless = {"crf": "0", "qp": "0"} if codec == "libx264" else {}
+        lossless |= options or {}
         stream = container.add_stream(codec, rate=25, options=lossless)
         stream.width, stream.height, stream.pix_fmt = *SIZE, pix_fmt
         stream.codec_context.time_base = Fraction(1, 1000)
         sound = container.add_stream("aac", rate=16_000) if audio else None
+        if sound is not None:
+            sound.metadata["language"] = "deu"
         for number, time in enumerate(TIMES):
             frame = av.VideoFrame.from_ndarray(scene(number), format="rgb24")
             frame = frame.reformat(format=pix_fmt)
@@ -172,6 +178,8 @@ def test_sound_is_copied_bit_by_bit(tmp_path):
     run(source, out)
     assert len(audio_packets(source)) > 5
     assert audio_packets(out) == audio_packets(source)
+    with av.open(str(out)) as container:
+        assert container.streams.audio[0].metadata["language"] == "deu"
     assert [time for time, _ in frames_of(out, "gray")] == TIMES
 
 
@@ -184,6 +192,43 @@ def test_what_the_camera_does_not_see_is_black(tmp_path, interpolation):
     assert outside.any()
     _, flat = frames_of(out, "rgb24")[0]
     assert flat[outside].max() <= 6
+
+
+@pytest.mark.parametrize(("pix_fmt", "codec"), [("bgr0", "ffv1"), ("gray16le", "ffv1")])
+def test_numbers_are_said_to_be_what_is_written(tmp_path, pix_fmt, codec):
+    source, out, heard = tmp_path / "in.mkv", tmp_path / "out.mkv", Heard()
+    write_video(source, pix_fmt=pix_fmt, codec=codec, audio=False)
+    run(source, out, crf=1, listener=heard)
+    outside = cv2.erode((~MAP.valid).astype(np.uint8), np.ones((7, 7)), borderValue=1).astype(bool)
+    _, flat = frames_of(out, "rgb24")[0]
+    assert flat[outside].max() <= 6
+    plain = frames_of(source, "rgb24")[0][1]
+    expected = undistort(plain, MAP).astype(int)
+    inner = cv2.erode(MAP.valid.astype(np.uint8), np.ones((9, 9)), borderValue=0).astype(bool)
+    assert np.abs(flat.astype(int) - expected)[inner].mean() < 2
+    with av.open(str(out)) as container:
+        context = container.streams.video[0].codec_context
+        tags = (int(context.color_range), int(context.colorspace))
+    assert tags == ((2, 2) if pix_fmt == "gray16le" else (1, 5))
+    (told,) = [figures for event, figures in heard.events if event is Event.VIDEO_REDUCED]
+    assert told["given"] == pix_fmt
+
+
+def test_an_interlaced_video_is_said_to_be(tmp_path):
+    source, out, heard = tmp_path / "in.mp4", tmp_path / "out.mp4", Heard()
+    write_video(source, audio=False, options={"x264-params": "tff=1"})
+    run(source, out, listener=heard)
+    assert [event for event, _ in heard.events] == [Event.VIDEO_INTERLACED]
+
+
+def test_a_film_that_counts_no_frames_is_seen_to_be_cut(tmp_path):
+    whole, cut = tmp_path / "whole.ts", tmp_path / "cut.ts"
+    write_video(whole, audio=False)
+    run(whole, tmp_path / "whole.mp4")
+    data = whole.read_bytes()
+    cut.write_bytes(data[: int(0.6 * len(data)) // 188 * 188])  # after a whole packet
+    with pytest.raises(PhotoError, match="cut short"):
+        run(cut, tmp_path / "cut.mp4")
 
 
 def test_the_quality_is_the_one_asked_for(tmp_path):

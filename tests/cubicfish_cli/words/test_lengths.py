@@ -3,7 +3,7 @@
 import pytest
 
 from cubicfish_cli.render.difference_picture import round_up
-from cubicfish_cli.words.camera import pupil_meaning
+from cubicfish_cli.words.camera import pupil_words
 from cubicfish_cli.words.phrases import length_words, two_digits
 
 
@@ -35,7 +35,7 @@ def test_scales_end_at_round_numbers(value, up):
     assert round_up(value) == pytest.approx(up)
 
 
-@pytest.mark.parametrize(("rim_px", "way"), [(0.2, "farther from"), (-0.2, "nearer to")])
+@pytest.mark.parametrize(("rim_px", "way"), [(0.62, "outward"), (-0.62, "inward")])
 def test_which_way_near_things_are_displaced_is_said_in_words(rim_px, way):
-    said = pupil_meaning(rim_px, 153, "mm")
-    assert said == f"how much {way} the axis things 15 cm away appear at the rim than distant ones"
+    said = pupil_words(rim_px, 153, "mm")
+    assert said == f"close objects (15 cm) shift {way} by 0.6 px at the rim"

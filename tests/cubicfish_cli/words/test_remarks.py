@@ -22,10 +22,9 @@ from cubicfish.target.target import Target
 from cubicfish_cli.words.remarks import remark_lines
 from cubicfish_cli.words.sentences import render, render_short
 
-PART = (
-    " may show only a part of the board, and is placed in its middle; where it is does not matter "
-    "to the lens, only to measuring the board"
-)
+MATTERS = "; this does not matter for the lens, only for measuring the board"
+PART = f" may show only part of the board; it is placed in the board's middle{MATTERS}"
+PARTS = f" may show only part of the board; each is placed in its middle{MATTERS}"
 
 
 def report(verdict: Decided, size: tuple[int, int] = (6, 4)) -> GridReport:
@@ -70,7 +69,7 @@ def test_what_photos_share_is_one_line(count, names):
         remark_of(photo, report(Decided.CONVENTION, size))
         for photo, size in zip(photos, sizes, strict=False)
     ]
-    assert remark_lines(remarks) == [f"{names} of up to 6x4 corners{PART}"]
+    assert remark_lines(remarks) == [f"{names} of up to 6x4 corners{PARTS}"]
 
 
 def test_several_grids_of_several_photos_are_counted():

@@ -42,6 +42,7 @@ TEXTS_OF = {
     "says": "floor 9x6", "problem": "c.png is empty", "seen": "up to 9x6", "line": "it is",
     "path": "a.yaml", "name": "left", "film": "a.mp4", "folder": "frames", "video": "flat.mp4",
     "ended": "as many as were asked for", "first_square": "light", "first": "right",
+    "unseen": "right", "given": "bgr0", "written": "yuv420p",
     "pictures": "2 photos", "refined": "target.refined.yaml",
 }  # fmt: skip
 ZOOMED = Finding(code=Code.ZOOM, text=FindingText("it is off", do="look"))

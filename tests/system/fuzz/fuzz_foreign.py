@@ -1,13 +1,17 @@
 """Files of other tools that are fuzzed: lenses, read and looked through, and corners."""
 
+import io
+import json
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+from scipy.io import savemat
 
 from cubicfish import Target
 from cubicfish.target.boards.types import Checkerboard
+from cubicfish_cli.extensions.formats.corner_files import read_corner_files
 from cubicfish_cli.extensions.formats.mrcal_model import mrcal_text, read_mrcal
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
 from cubicfish_cli.extensions.formats.ocamcalib import (
@@ -15,7 +19,6 @@ from cubicfish_cli.extensions.formats.ocamcalib import (
     ocamcalib_text,
     read_ocamcalib,
 )
-from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
 from cubicfish_cli.foreign.file_contents import PlacedLens
 
 SIZE = (640, 480)
@@ -89,5 +92,33 @@ def vnlog_seeds() -> Sequence[bytes]:
     return ["\n".join(["# filename x y level", *rows, "b.png - - -"]).encode()]
 
 
+def calib_data_seeds() -> Sequence[bytes]:
+    column, row = np.arange(6) % 3, np.arange(6) // 3
+    arrays = {
+        "x_1": np.stack([20.5 + 9 * column, 30.0 + 9 * row]),
+        "X_1": np.stack([10.0 * column, 10.0 - 10 * row, 0.0 * row]),
+        "calib_name": "Image",
+        "active_images": [[1]],
+    }
+    seeds = []
+    for compressed in (False, True):
+        file = io.BytesIO()
+        savemat(file, arrays, do_compression=compressed)
+        seeds.append(file.getvalue())
+    return seeds
+
+
+def photonvision_seeds() -> Sequence[bytes]:
+    cells = [(i % 3, i // 3) for i in range(6)]
+    one = {
+        "locationInObjectSpace": [{"x": 0.01 * x, "y": 0.01 * y, "z": 0} for x, y in cells],
+        "locationInImageSpace": [{"x": 20.5 + 9 * x, "y": 30 + 9 * y} for x, y in cells],
+        "cornersUsed": [True] * 6,
+        "snapshotName": "a.png",
+    }
+    size = {"width": 640.0, "height": 480.0}
+    return [json.dumps({"resolution": size, "observations": [one]}).encode()]
+
+
 def read_corners(path: Path) -> object:
-    return read_vnlogs([path], TARGET, image_size=SIZE).corners
+    return read_corner_files([path], TARGET, image_size=SIZE).corners

@@ -16,9 +16,10 @@ from cubicfish.fit import to_lens
 from cubicfish_cli.extension_guard import read_formats
 from cubicfish_cli.extensions.formats.colmap_cameras import MODELS as COLMAP_MODELS
 from cubicfish_cli.foreign.file_contents import PlacedLens
-from cubicfish_cli.foreign.foreign_files import read_foreign
+from cubicfish_cli.foreign.foreign_files import read_foreign, sniffed
 
 SIZE = (640, 480)
+_FILES = Path(__file__).parents[2] / "cubicfish_cli/extensions/formats/camera_files"
 K = np.array([[300.0, 0, 320.5], [0, 301.5, 239], [0, 0, 1]])
 # More than what is exported is read of the others: fuzz_readers.py has them one by one.
 _SEEDED = {"opencv", "colmap", "ocamcalib", "mrcal"}
@@ -64,10 +65,12 @@ def storage_seeds(syntax: str) -> Callable[[], Sequence[bytes]]:
 
 @cache
 def exported_seeds(read: str) -> Sequence[bytes]:
-    """Files that are read under this name, as ``cubicfish export`` writes them."""
+    """Files that are read under this name, as ``cubicfish export`` writes them or a test has."""
     poses = {"a.png": (np.eye(3), np.zeros(3))}
     made = read_formats()[read]
     lenses = [resolve_name(how["lens"]) for how in made.written.values()]
+    if not lenses:
+        return [file.read_bytes() for file in sorted(_FILES.iterdir()) if sniffed(file) == read]
     return [
         resolve_name(made.write)(
             PlacedLens(lens=to_lens(camera(), lens).lens, note=["a note"], poses=poses)

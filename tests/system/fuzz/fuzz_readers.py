@@ -205,6 +205,12 @@ READERS = {
         read=lenses.look_through(None), seeds=lenses.all_seeds, suffix="", words=lenses.KEYS
     ),
     "corners.vnl": Reader(read=foreign.read_corners, seeds=foreign.vnlog_seeds, suffix=".vnl"),
+    "calib_data.mat": Reader(
+        read=foreign.read_corners, seeds=foreign.calib_data_seeds, suffix=".mat"
+    ),
+    "photonvision.json": Reader(
+        read=foreign.read_corners, seeds=foreign.photonvision_seeds, suffix=".json"
+    ),
 }
 
 _WORDS = """

@@ -28,16 +28,11 @@ BOUNDED = {
         "cubicfish/rigs/rig",
         "cubicfish/files/plain_yaml",
     ),
-    "OpenCV, ROS, Kalibr, OCamCalib's text": (
+    "other cameras as YAML, XML, JSON": (
         "cubicfish_cli/extensions/formats/opencv_cameras",
-        "cubicfish_cli/extensions/formats/ocamcalib",
-        "cubicfish_cli/extensions/formats/kalibr_yaml",
-        "cubicfish_cli/extensions/formats/ros_yaml",
-    ),
-    "Gyroflow's lens profile": (
-        "cubicfish_cli/extensions/formats/gyroflow_json",
         "cubicfish_cli/foreign/file_contents",
     ),
+    "OCamCalib's text": ("cubicfish_cli/extensions/formats/ocamcalib",),
     "JSON of nerfstudio": (
         "cubicfish_cli/extensions/formats/nerfstudio_json",
         "cubicfish_cli/foreign/file_contents",
@@ -46,6 +41,10 @@ BOUNDED = {
     ".cameramodel": ("cubicfish_cli/extensions/formats/mrcal_model", "cubicfish/files/plain_yaml"),
     "tables: corners, pairs, poses": ("cubicfish/files/tables",),
     "corners.vnl": ("cubicfish_cli/extensions/formats/vnlog",),
+    "calib_data.mat, PhotonVision's": (
+        "cubicfish_cli/extensions/formats/board_tables",
+        "cubicfish_cli/foreign/file_contents",
+    ),
     "points, pixels": ("cubicfish_cli/commands/points",),
     "photos, each of those under way": ("cubicfish/photos/photos",),
 }

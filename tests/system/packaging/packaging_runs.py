@@ -53,13 +53,14 @@ def _step(line: str, *writes: str, input: str = "", extra: str | None = None) ->
 # As the reference of the command line has them, which is made from the commands.
 _REFERENCE = (Path(__file__).parents[3] / "docs" / "cli.md").read_text(encoding="utf-8")
 COMMANDS = re.findall(r"^## cubicfish (.+)$", _REFERENCE, re.MULTILINE)
-_NARROW = ("--max-angle 60", "")
+_NARROW, _EXACT = ("--max-error 10 --max-angle 60", ""), ("", "")
 FORMATS = {
     "opencv": _NARROW, "ros": _NARROW, "kalibr-pinhole-equi": _NARROW, "kalibr-omni": _NARROW,
     "kalibr-ds": _NARROW, "ocamcalib": _NARROW,
     "colmap": _NARROW, "colmap-rad-tan-thin-prism-fisheye": _NARROW, "nerfstudio": _NARROW,
     "gyroflow": _NARROW, "anipose": _NARROW, "anipose-pinhole": _NARROW,
-    "mrcal": ("", ""), "maps": ("", ".npz"),
+    "mrcal": ("--max-error 10", ""), "maps": ("", ".npz"),
+    "c": _EXACT, "python": _EXACT, "js": _EXACT, "glsl": _EXACT, "osl": _EXACT,
 }  # fmt: skip
 
 _CALIBRATION = tuple(f"calibration/{name}" for name in ("camera.yaml", "undistort_map.npz"))
@@ -80,6 +81,7 @@ QUICK = (
     _step("map map.npz", "map.npz", "map.view.yaml"),
     _step("transform --scale 0.5 -o half.yaml", "half.yaml"),
     _step("export --to mrcal -o camera.cameramodel", "camera.cameramodel"),
+    _step("export --to js --name left", "left.mjs"),
     _step("import camera.cameramodel -o imported.yaml", "imported.yaml"),
     _step("compare calibration/camera.yaml imported.yaml --picture off.png", "off.png"),
     _step("target check {sample}/target.yaml --draw object.svg", "object.svg",
@@ -114,7 +116,7 @@ MORE = (
     _step("map pair.pgm", "pair*.pgm", "pair.view*.yaml"),
     _step("map pair16.png", "pair16*.png", "pair16.view*.yaml"),
     _step("undistort drive.avi flat.mp4", "flat.mp4", extra="video"),
-    *(_step(f"export --to {name} {more} --max-error 10 -o exported/{name}{suffix}",
+    *(_step(f"export --to {name} {more} -o exported/{name}{suffix}",
             f"exported/{name}*") for name, (more, suffix) in FORMATS.items()),
     _step("target print {sample}/target.yaml --paper A3 -o pages", "pages/*.pdf", extra="report"),
     _step("target print --object board --type charuco -o charuco",

@@ -17,9 +17,9 @@ from cubicfish.find.detection.growth import measure_contrast
 from cubicfish.find.detection.lattice import Lattice
 from cubicfish.find.detection.pyramid import build_pyramid
 from cubicfish.judge.codes import Code
+from cubicfish.scene.photos import render
+from cubicfish.scene.truth import project_corners
 from cubicfish.target.target import Target
-from cubicfish_cli.extensions.simulation.simulate import render
-from cubicfish_cli.viewpoints.truth import project_corners
 from cubicfish_cli.words import sentences
 
 POSE = look_at((330, 420, 300), (250, 150, 120), roll=0.5)

@@ -19,11 +19,11 @@ from cubicfish.find.detection.pyramid import build_pyramid
 from cubicfish.find.identification.quick_detect import quick_detect
 from cubicfish.observe.photo_detection import detect_in_photo as search
 from cubicfish.photos.photos import Photo
+from cubicfish.scene.photos import render
+from cubicfish.scene.truth import camera_points, project_corners
 from cubicfish.target.boards.markers import Markers
 from cubicfish.target.boards.types import BOARD_TYPES
 from cubicfish.target.target import Target
-from cubicfish_cli.extensions.simulation.simulate import render
-from cubicfish_cli.viewpoints.truth import camera_points, project_corners
 
 SIZE = (520, 520)
 LENS = AsymmetricLens(

@@ -10,8 +10,8 @@ from cubicfish.find.detection.grids import FoundGrids
 from cubicfish.find.detection.markers import find_marked_corners
 from cubicfish.find.detection.markers_detect import Sight
 from cubicfish.find.detection.markers_read import read_grid, read_together
+from cubicfish.scene.truth import project_corners
 from cubicfish.target.target import Target
-from cubicfish_cli.viewpoints.truth import project_corners
 from tests.cubicfish.find.detection.test_markers import (
     LENS,
     POSE,

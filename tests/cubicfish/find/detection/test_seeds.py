@@ -3,13 +3,13 @@
 import cv2
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 from cubicfish.find.detection import corners as corners_module
 from cubicfish.find.detection.corners import check_rings, find_corners
 from cubicfish.find.detection.crossing import fit_crossings
 from cubicfish.find.detection.lattice import LocalFit
 from cubicfish.find.detection.links import Patch, find_patches
+from cubicfish.find.detection.nearby import Tree
 from cubicfish.find.detection.pyramid import build_pyramid
 from cubicfish.find.detection.saddle import fit_saddles
 from cubicfish.find.detection.seeds import find_promising
@@ -55,7 +55,7 @@ def test_single_squares_of_a_board_are_promising_and_others_are_not(board):
     wrong = piece(patch, square_at(patch, 3, 2), parity=-patch.parity)
     three = piece(patch, square_at(patch, 2, 2)[:3])
     every = [patch, squares[0], wrong, squares[1], three, squares[2]]
-    free = cKDTree(corners.pixel)
+    free = Tree(corners.pixel)
     together = find_promising(pyramid, corners, every, free)
     assert together.tolist() == [True, True, False, True, False, True]
     alone = [find_promising(pyramid, corners, [one], free)[0] for one in every]
@@ -70,7 +70,7 @@ def test_pieces_of_noise_are_not_promising():
     corners = find_corners(pyramid)
     patches = [one for one in find_patches(pyramid, corners) if len(one.corner) >= 4]
     assert len(patches) > 20
-    free = cKDTree(corners.pixel)
+    free = Tree(corners.pixel)
     assert find_promising(pyramid, corners, patches, free).mean() < 0.5
 
 

@@ -13,10 +13,10 @@ from cubicfish.find.identification.second_pass import predicted_corners
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.observe.detection import first_pass, second_pass
 from cubicfish.photos.photos import find_photos
+from cubicfish.scene.photos import render
+from cubicfish.scene.truth import project_corners
 from cubicfish.target.boards.markers import Markers
 from cubicfish.workers.pool import Work
-from cubicfish_cli.extensions.simulation.simulate import render
-from cubicfish_cli.viewpoints.truth import project_corners
 
 LENS = synthetic.lens_of_size(0.75)
 

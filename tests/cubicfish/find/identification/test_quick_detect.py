@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from running import SAMPLE
+from samples import SAMPLE
 
 from cubicfish.find.detection.finder import find_grids
 from cubicfish.find.identification.quick_detect import quick_detect

@@ -24,13 +24,13 @@ from cubicfish.judge import Code, ErrorStatistics, FieldUncertainty, FitRecord
 from cubicfish.judge.uncertainty import UncertaintyGrid, summed
 from cubicfish.judge.verdict import COVERAGE, verdict
 from cubicfish.models import angle_from_axis
+from cubicfish.scene.views import Distances, sample_views, view_from
 from cubicfish.solve import Poses
 from cubicfish.solve.subset import select
 from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge
 from cubicfish_cli.extensions.advice.advise import advise, distances_within
 from cubicfish_cli.extensions.advice.limited_lens import limited_lens
 from cubicfish_cli.extensions.advice.proposals import place_words, tilt_words
-from cubicfish_cli.viewpoints.views import Distances, sample_views, view_from
 from cubicfish_cli.words.sentences import render
 from cubicfish_cli.words.sufficiency import gap_words, summary
 
@@ -366,8 +366,9 @@ FINE = {
     ("changed", "lacking"),
     [
         ({}, None),
-        ({"coverage": 0.73}, None),
-        ({"coverage": 0.62}, Code.LOW_COVERAGE),
+        ({"coverage": 0.89}, Code.LOW_COVERAGE),
+        ({"uncertainty": UncertaintyGrid(median_px=0.1, p95_px=0.2)}, None),
+        ({"uncertainty": UncertaintyGrid(median_px=0.1, p95_px=0.31)}, Code.UNCERTAIN),
         ({"images": 2, "held_out_rms_px": np.nan}, Code.NOT_HELD_OUT),
         ({"images": 5, "flat": True}, Code.FEW_PHOTOS_OF_A_PLANE),
         ({"uncertainty": UncertaintyGrid(median_px=0.7)}, Code.UNCERTAIN),

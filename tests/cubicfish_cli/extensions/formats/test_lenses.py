@@ -11,19 +11,23 @@ from cubicfish.fit.exported_lens import lens_near
 from cubicfish.models import angle_from_axis
 from cubicfish.solve import nearest_lens
 from cubicfish.solve.fit_lens import FreeLens
-from cubicfish_cli.extensions.formats.colmap_cameras import RadTanThinPrismLens
+from cubicfish_cli.extensions.formats.colmap_cameras import (
+    RadialPolyLens,
+    RadTanThinPrismLens,
+    ThinPrismLens,
+)
 from cubicfish_cli.extensions.formats.lenses import DoubleSphereLens, PinholeLens, UnifiedLens
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
 from cubicfish_cli.extensions.formats.ocamcalib import ScaramuzzaLens
-from cubicfish_cli.extensions.formats.opencv_cameras import SkewedFisheye
 
 LENSES = (
     DoubleSphereLens,
     PinholeLens,
     RadTanThinPrismLens,
+    RadialPolyLens,
     ScaramuzzaLens,
-    SkewedFisheye,
     SplinedLens,
+    ThinPrismLens,
     UnifiedLens,
 )
 RADIAL = radial_camera(100.0)

@@ -142,7 +142,10 @@ BAD = {
     "inf.txt": (TOOLBOX.replace("394.500000", "1e999"), "line 11: the center must hold finite"),
     "word.txt": (TOOLBOX.replace("394.5", "x"), "line 11: the center must hold finite"),
     "centre.txt": (TOOLBOX.replace("241.800000 394.5", "394.5"), "line 11: 2 numbers are expected"),
-    "sign.txt": (TOOLBOX.replace("-2.1000", "2.1000"), "line 3: the first coefficient must be"),
+    "sign.txt": (
+        TOOLBOX.replace("-2.1000", "2.1000"),
+        "line 3: the first coefficient has the wrong sign",
+    ),
     "flat.txt": (TOOLBOX.replace("1.000300", "0.0"), "c must be near 1"),
     "size.txt": (TOOLBOX.replace("480 752", "480 0"), "line 19: the image size must be two whole"),
     "short.txt": (TOOLBOX.replace("480 752", "480"), "line 19: 2 numbers are expected"),

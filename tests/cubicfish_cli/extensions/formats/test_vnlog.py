@@ -11,13 +11,14 @@ from synthetic import TRUE_LENS, corner_of_three, flat_board, poses_around, synt
 
 from cubicfish import (
     CorrespondenceError,
+    CubicfishError,
     Observations,
     Target,
     TargetError,
     load_corners,
     save_corners,
 )
-from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
+from cubicfish_cli.extensions.formats.corner_files import read_corner_files
 
 SIZE = TRUE_LENS.image_size
 THREE, FLAT = corner_of_three(), flat_board()
@@ -72,7 +73,7 @@ def test_vnl_gives_the_true_corners(tmp_path: Path, extra: str) -> None:
     nothing = "none.png - -" + (" -" if extra else "")
     path = tmp_path / "corners.vnl"
     path.write_text(legend + "\n".join([*rows[:88], nothing, *rows[88:]]) + "\n")
-    read = read_vnlogs([path], FLAT, image_size=SIZE)
+    read = read_corner_files([path], FLAT, image_size=SIZE)
     same(read.corners, true)
     assert read.empty == ("none.png",)
     assert read.left_out == len(rows) - len(true.pixel)
@@ -82,16 +83,16 @@ def test_vnl_levels_and_weights_are_weights_of_the_squared_error(tmp_path: Path)
     rows = [f"a.png {x} {y} 2" for y in range(8) for x in range(11)]
     path = tmp_path / "corners.vnl"
     path.write_text("\n".join(["# filename x y level", *rows]))
-    assert read_vnlogs([path], FLAT, image_size=SIZE).corners.weight[0] == 1 / 16
+    assert read_corner_files([path], FLAT, image_size=SIZE).corners.weight[0] == 1 / 16
     path.write_text("\n".join(["# filename x y weight", *rows]))
-    assert read_vnlogs([path], FLAT, image_size=SIZE).corners.weight[0] == 4
+    assert read_corner_files([path], FLAT, image_size=SIZE).corners.weight[0] == 4
 
 
 def test_vnl_treats_corners_below_zero_as_not_found(tmp_path: Path) -> None:
     rows = [f"a.png {x - 1} {y}" for y in range(8) for x in range(11)]
     path = tmp_path / "corners.vnl"
     path.write_text("\n".join(["# filename x y", *rows]))
-    read = read_vnlogs([path], FLAT, image_size=SIZE)
+    read = read_corner_files([path], FLAT, image_size=SIZE)
     assert read.left_out == 8
     assert read.corners.column.min() == 1
 
@@ -111,7 +112,7 @@ def whole(names: str, board: str = "floor", order: int = 1) -> str:
 def test_a_board_of_several_is_named(tmp_path: Path) -> None:
     path = tmp_path / "a.vnl"
     path.write_text(whole("a", "left"))
-    read = read_vnlogs([path], THREE, image_size=SIZE, board="left").corners
+    read = read_corner_files([path], THREE, image_size=SIZE, board="left").corners
     assert {read.boards[i] for i in read.board.tolist()} == {"left"}
     np.testing.assert_array_equal(read.pixel[:, 0], 20 + 9 * read.column)
     np.testing.assert_array_equal(read.pixel[:, 1], 30 + 9 * read.row)
@@ -122,12 +123,12 @@ def test_photos_of_one_camera_are_chosen(tmp_path: Path) -> None:
     paths = [tmp_path / "one.vnl", tmp_path / "two.vnl"]
     for path, names in zip(paths, ("ab", "cd"), strict=True):
         path.write_text(whole(names) + f"empty_{names} - - -\n")
-    read = read_vnlogs(paths, THREE, image_size=SIZE, board="floor", only="[bc]*")
+    read = read_corner_files(paths, THREE, image_size=SIZE, board="floor", only="[bc]*")
     count = THREE.boards[0].columns * THREE.boards[0].rows
     assert read.corners.images == ("b", "c")
     assert read.corners.image.tolist() == [0] * count + [1] * count
     assert (read.empty, read.left_out) == ((), 0)
-    every = read_vnlogs(paths, THREE, image_size=SIZE, board="floor")
+    every = read_corner_files(paths, THREE, image_size=SIZE, board="floor")
     assert every.corners.images == ("a", "b", "c", "d")
     assert every.empty == ("empty_ab", "empty_cd")
 
@@ -136,7 +137,7 @@ def test_what_is_read_is_accepted_as_corners_csv(tmp_path: Path) -> None:
     true = truth(FLAT)
     path = tmp_path / "corners.vnl"
     path.write_text("\n".join(["# filename x y level", *vnl_rows(true, FLAT)]))
-    read = read_vnlogs([path], FLAT, image_size=SIZE).corners
+    read = read_corner_files([path], FLAT, image_size=SIZE).corners
     save_corners(tmp_path / "corners.csv", read, overwrite=False)
     same(load_corners(tmp_path / "corners.csv", FLAT), true)
 
@@ -167,7 +168,7 @@ def test_a_bad_file_is_refused_in_one_line(tmp_path: Path, name: str) -> None:
     text, says = REFUSED[name]
     (tmp_path / name).write_text(text)
     with pytest.raises(CorrespondenceError) as refusal:
-        read_vnlogs([tmp_path / name], FLAT, image_size=(960, 720))
+        read_corner_files([tmp_path / name], FLAT, image_size=(960, 720))
     assert says in str(refusal.value)
     assert name in str(refusal.value)
     assert "\n" not in str(refusal.value)
@@ -178,18 +179,18 @@ def test_files_of_several_kinds_of_trouble(tmp_path: Path) -> None:
     one.write_text(whole("a"))
     given = {"image_size": SIZE, "board": "floor"}
     with pytest.raises(CorrespondenceError, match="another file holds the corners of"):
-        read_vnlogs([one, one], THREE, **given)
+        read_corner_files([one, one], THREE, **given)
     with pytest.raises(TargetError, match="'flor' is not in the target: did you"):
-        read_vnlogs([one], THREE, image_size=SIZE, board="flor")
+        read_corner_files([one], THREE, image_size=SIZE, board="flor")
     with pytest.raises(CorrespondenceError, match="no photo in the files is called like 'b\\*'"):
-        read_vnlogs([one], THREE, only="b*", **given)
+        read_corner_files([one], THREE, only="b*", **given)
     with pytest.raises(CorrespondenceError, match="does not exist"):
-        read_vnlogs([tmp_path / "no.vnl"], THREE, **given)
+        read_corner_files([tmp_path / "no.vnl"], THREE, **given)
     with pytest.raises(CorrespondenceError, match="it is about one board, and which"):
-        read_vnlogs([one], THREE, image_size=SIZE)
+        read_corner_files([one], THREE, image_size=SIZE)
     (tmp_path / "bytes.vnl").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(CorrespondenceError, match="is not UTF-8 text"):
-        read_vnlogs([tmp_path / "bytes.vnl"], THREE, **given)
+        read_corner_files([tmp_path / "bytes.vnl"], THREE, **given)
 
 
 @given(st.binary(max_size=300), st.booleans())
@@ -198,8 +199,8 @@ def test_any_bytes_are_read_or_refused(tmp_path_factory, raw: bytes, headed: boo
     path.write_bytes((VNL.encode() if headed else b"") + raw)
     said = ""
     try:
-        read_vnlogs([path], FLAT, image_size=SIZE)
-    except CorrespondenceError as refusal:
+        read_corner_files([path], FLAT, image_size=SIZE)
+    except CubicfishError as refusal:
         said = str(refusal)
     assert "\n" not in said
 

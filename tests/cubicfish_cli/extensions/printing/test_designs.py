@@ -3,9 +3,9 @@
 import pytest
 
 from cubicfish import Target
+from cubicfish.scene.faces import board_face
 from cubicfish_cli.extensions.printing.command import _TYPES
 from cubicfish_cli.extensions.printing.designs import DESIGNS
-from cubicfish_cli.render.board_faces import board_face
 
 
 @pytest.mark.parametrize("made", DESIGNS.values(), ids=DESIGNS)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from synthetic import checkerboard
 
-from cubicfish_cli.render.board_faces import board_face
-from tests.cubicfish_cli.render.test_board_faces import aprilgrid, charuco
+from cubicfish.scene.faces import board_face
+from tests.cubicfish.scene.test_faces import aprilgrid, charuco
 
 
 def ink_rectangles(board):

@@ -10,6 +10,7 @@ from synthetic import checkerboard
 
 from cubicfish import Target, TargetError
 from cubicfish.diagnosis import check_object
+from cubicfish.scene.faces import board_face
 from cubicfish_cli.extensions.printing.command import PrintOptions
 from cubicfish_cli.extensions.printing.layout import (
     STRIP,
@@ -20,8 +21,7 @@ from cubicfish_cli.extensions.printing.layout import (
 from cubicfish_cli.extensions.printing.objects import BAND, design
 from cubicfish_cli.extensions.printing.paper import paper
 from cubicfish_cli.inputs.target_source import length_mm
-from cubicfish_cli.render.board_faces import board_face
-from tests.cubicfish_cli.render.test_board_faces import aprilgrid
+from tests.cubicfish.scene.test_faces import aprilgrid
 
 MARGIN = 8.0
 TYPES = ("checkerboard", "charuco", "aprilgrid")

@@ -19,6 +19,7 @@ from synthetic_lenses import synthetic_lens
 from cubicfish import CameraFileError, Rig, load_camera
 from cubicfish.models.lift import lift_rotation
 from cubicfish.rigs.rig import ErrorsInRig
+from cubicfish.scene.truth import rotation_matrix
 from cubicfish_cli import (
     RigEvaluateOptions,
     RigOptions,
@@ -30,7 +31,6 @@ from cubicfish_cli import (
     save_target,
 )
 from cubicfish_cli.extensions.rigs.naming import named_by
-from cubicfish_cli.viewpoints.truth import rotation_matrix
 from cubicfish_cli.words.sentences import render
 
 
@@ -182,8 +182,8 @@ def wide(turn_deg: float, shift: float) -> np.ndarray:
 @pytest.mark.parametrize(
     ("change", "words", "level"),
     [
-        ({"in_rig": ErrorsInRig(rms_px=2.0, alone_rms_px=0.2)}, "is off by 2.00 px on", "bad"),
-        ({"in_rig": ErrorsInRig(rms_px=0.4, alone_rms_px=0.2)}, "is off by 0.40 px on", "care"),
+        ({"in_rig": ErrorsInRig(rms_px=2.0, alone_rms_px=0.2)}, "off by 2.00 px as a rig", "bad"),
+        ({"in_rig": ErrorsInRig(rms_px=0.4, alone_rms_px=0.2)}, "off by 0.40 px as a rig", "care"),
         ({"in_rig": ErrorsInRig(rms_px=0.2, alone_rms_px=0.05)}, "", "good"),
         ({"covariance": wide(0.01, 5.0)}, "right is placed on the body only to", "care"),
         ({"covariance": wide(2.0, 0.1)}, "right is placed on the body only to", "bad"),
@@ -439,7 +439,9 @@ def test_cameras_are_called_as_their_photos_are(path: str, name: str) -> None:
     ("args", "code", "words"),
     [
         (["left.csv"], 2, "name two cameras or more"),
-        (["left.csv", "left.csv"], 2, "give each a name of its own with --names"),
+        (["left.csv", "left.csv"], 2, "--names: cameras are called left, left: give each a name"),
+        (["left.csv", "right.csv", "--names", "a,A"], 2, "which some folders do not tell apart"),
+        (["left.csv", "right.csv", "--names", ","], 2, "camera '': a name must be text"),
         (
             ["left.csv", "right.csv", "--names", "a"],
             2,
@@ -465,8 +467,10 @@ def test_what_cannot_be_is_said_in_a_line(
     ("key", "value", "words"),
     [
         ("cubicfish_rig", 2, "format version 2 is not 1"),
-        ("cameras", [], "cameras must be a list of 1 to 100"),
+        ("cameras", [], "cameras must be a list of 2 to 100"),
+        ("cameras", [{"name": "left"}], "cameras must be a list of 2 to 100 records: one alone"),
         ("units", 3, "units must be text"),
+        ("units", "furlong", "units 'furlong' is not known: write mm, cm, m, in or ft"),
         ("extra", 1, "unknown key 'extra'"),
     ],
 )
@@ -484,6 +488,7 @@ def test_a_spoilt_rig_is_refused(
     ("change", "words"),
     [
         ({"camera": "../elsewhere.yaml"}, "in the rig's folder or below"),
+        ({"name": "LEFT"}, "cameras are called left, LEFT: give each a name of its own"),
         ({"name": ""}, "name '': a name must be text"),
         ({"name": "../evil"}, "without / and"),
         ({"name": "/tmp/evil"}, "without / and"),

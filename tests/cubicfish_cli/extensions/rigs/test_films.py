@@ -22,17 +22,17 @@ from synthetic_lenses import synthetic_lens
 
 from cubicfish import DetectionError, Event
 from cubicfish.rigs.shots import time_of
+from cubicfish.scene.photos import render
+from cubicfish.scene.truth import Pose, pose_of_matrix
 from cubicfish_cli import save_target
 from cubicfish_cli.extensions.rigs import films as rig_films
 from cubicfish_cli.extensions.rigs.calibrate import RigOptions, calibrate_rig_files
 from cubicfish_cli.extensions.rigs.film_clocks import FilmMatch, FilmMotion, match_films
 from cubicfish_cli.extensions.rigs.films import ShotFrame, find_ahead
 from cubicfish_cli.extensions.rigs.moments import flow, moments
-from cubicfish_cli.extensions.simulation.simulate import render
 from cubicfish_cli.films.choose import choose, choose_shots
 from cubicfish_cli.films.scan import Measured, scan
 from cubicfish_cli.films.source import Film, open_films
-from cubicfish_cli.viewpoints.truth import Pose, pose_of_matrix
 from tests.cubicfish_cli.films.test_choose import at
 
 SIZE = (480, 360)

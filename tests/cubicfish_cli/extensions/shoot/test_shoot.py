@@ -11,7 +11,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from running import SAMPLE, invoke_cli, run_cli
+from running import invoke_cli, run_cli
+from samples import SAMPLE
 from shooting import PHOTOS, TARGET, filmed, shooting
 
 from cubicfish import CubicfishError, Observations, Target, load_corners, read_picture

@@ -12,13 +12,13 @@ pytest.importorskip("av")
 from synthetic_films import Film, FilmOptions, HandPath
 
 from cubicfish import Target
-from cubicfish_cli.extensions.simulation.command import LookOptions
-from cubicfish_cli.extensions.simulation.simulate import chosen_poses, simulated_photos
-from cubicfish_cli.viewpoints.truth import rotation_matrix
+from cubicfish.scene.photos import Look, chosen_poses
+from cubicfish.scene.scene import Scene
+from cubicfish.scene.truth import rotation_matrix
 
 LENS = lens_of_size(0.5)
 SIZE = LENS.image_size
-CLEAN = LookOptions(noise=0.0, blur=0.7, vignetting=0.0)
+CLEAN = Look(noise=0.0, blur=0.7, vignetting=0.0)
 
 
 class Slide:
@@ -104,7 +104,7 @@ def test_a_plate_is_seen_before_what_is_behind_it_and_not_outside_the_field() ->
 
     shutter = taken(10, 10)
     (picture,) = film_of(target, Still(), shutter).frames(1, CLEAN)
-    ((_, photo),) = simulated_photos(target, LENS, SIZE, {"one": pose}, CLEAN)
+    ((_, photo),) = Scene(target=target, lens=LENS, image_size=SIZE).photos({"one": pose}, CLEAN)
     ink = photo < 30
     assert 0.1 < ink.mean() < 0.9
     assert np.mean((picture < 30) == ink) > 0.985  # edges alone may differ

@@ -1,0 +1,73 @@
+"""What speaks against a camera that was fitted to points that somebody marked: no boards."""
+
+from cubicfish.judge import Code
+from cubicfish.judge import FindingText as Said
+from cubicfish_cli.words.phrases import whole
+from cubicfish_cli.words.table import Words
+
+_MARK = "mark more points, out to the rim on all sides"
+WORDS = Words(
+    findings={
+        (Code.NOT_HELD_OUT, "points"): Said(
+            "no error was measured on photos that the fit has not seen",
+            do="mark points in three or more photos",
+        )
+    }
+)
+
+
+@WORDS.finding(Code.LARGE_ERRORS, "points")
+def _large_errors(error_px: float) -> Said:
+    return Said(
+        f"points are off by {error_px:.2f} px",
+        do="say how exact they are, as --noise 1.5; if that is less, look for points whose X, Y, Z "
+        "are another's",
+    )
+
+
+@WORDS.finding(Code.FEW_CORNERS, "points")
+def _few_points(corners: int) -> Said:
+    return Said(
+        f"{corners} points determine a radial lens, and nothing of its asymmetry",
+        do="mark more than 30 points",
+    )
+
+
+@WORDS.finding(Code.OVERFITTED, "points")
+def _overfitted(held_out_px: float, times: float) -> Said:
+    return Said(
+        f"the camera is off by {held_out_px:.2f} px on photos left out of the fit, {times:.1f} "
+        "times as much as on those that it was fitted to",
+        do="mark more points in each photo",
+    )
+
+
+@WORDS.finding(Code.UNCERTAIN, "points")
+def _uncertain(median_px: float = 0.0, max_px: float = 0.0) -> Said:
+    if max_px:
+        return Said(f"uncertainty is {max_px:.2f} px at the worst place of the field", do=_MARK)
+    return Said(f"uncertainty is {median_px:.2f} px (1σ, median over the field)", do=_MARK)
+
+
+@WORDS.finding(Code.LOW_COVERAGE, "points")
+def _low_coverage(share: float) -> Said:
+    what = f"points cover {whole(share)} of the field; the rest is unchecked"
+    return Said(what, do="mark points in the empty parts")
+
+
+@WORDS.finding(Code.EXTRAPOLATED, "points")
+def _extrapolated(covered_deg: float, around_deg: float, edge_px: float) -> Said:
+    return Said(
+        f"points lie all round only to {around_deg:.0f}° from the axis (to {covered_deg:.0f}° on "
+        "the best side); beyond that the camera is extrapolated, with an uncertainty of "
+        f"{edge_px:.2g} px at the edge",
+        do="mark points at the rim on the other sides",
+    )
+
+
+@WORDS.finding(Code.MANY_OUTLIERS, "points")
+def _many_outliers(dropped: int, corners: int) -> Said:
+    return Said(
+        f"{dropped} of {corners} points are outliers and were left out",
+        do="look for points whose X, Y, Z are another's",
+    )
