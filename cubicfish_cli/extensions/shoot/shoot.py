@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -275,11 +276,8 @@ class Shoot:
     def _usable(self) -> dict[str, Observations]:
         """The corners of photos of one target and one size that are not left out."""
         seen = {name: one.corners for name, one in self.taken.items() if one.corners is not None}
-        kinds = {
-            name: (one.image_size, one.target and one.target.text()) for name, one in seen.items()
-        }
-        every = [*kinds.values()]
-        most = max(every, key=every.count, default=None)
+        kinds = {name: (one.image_size, id(one.target)) for name, one in seen.items()}
+        most = max(Counter(kinds.values()).items(), key=lambda one: one[1], default=(None, 0))[0]
         return {
             name: one
             for name, one in seen.items()
