@@ -254,7 +254,9 @@ def _read_formats(extension: str, record: Extension) -> tuple[CameraFormat, ...]
             if not one.exact and not {"what", "lens"} <= keys.keys():
                 raise _BadExtension(f"{record.formats}: {quoted(written)} needs 'what' and 'lens'")
         functions = (one.read, one.write, one.write_rig, one.looks_like, one.binary_looks_like)
-        lenses = (keys.get("lens", "") for keys in one.written.values())
+        lenses = (
+            keys.get(key, "") for keys in one.written.values() for key in ("lens", "front_lens")
+        )
         for at in filter(None, (*lenses, *functions)):
             _check_place(at)
         made.append(one)

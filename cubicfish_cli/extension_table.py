@@ -38,8 +38,10 @@ class CameraFormat:
         read: path -> lens, with ``camera`` where it :attr:`holds_several` and ``image_size`` where
             it is :attr:`sizeless`; "" where files are only written.
         written: by the names that it is written under: ``what`` comes of it, for people; the
-            ``lens`` that the file holds, which exact ones have not; and ``front_only``, what reads
-            it and divides by z first: it sees nothing behind, whatever the lens.
+            ``lens`` that the file holds, which exact ones have not; ``front_lens``, another that it
+            may hold of a field that ends before 90°, taken where it loses less; ``front_only``,
+            what reads it and divides by z first: it sees nothing behind, whatever the lens; and
+            ``distance``, ``boards`` where what reads it looks at things as near as these.
         write: :class:`~cubicfish_cli.foreign.file_contents.PlacedLens` -> text; "" where files
             are only read. Raises :class:`~cubicfish.errors.CameraFileError` for values that the
             format does not take.

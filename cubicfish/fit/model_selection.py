@@ -11,7 +11,7 @@ from cubicfish.fit.cubic_fit import NEAR_DECREASE, CameraFit, fit_cubic
 from cubicfish.fit.folds import folds_of
 from cubicfish.fit.held_out import held_out_error
 from cubicfish.fit.orientation import oriented
-from cubicfish.fit.prior import FIRMEST, RADIAL
+from cubicfish.fit.prior import FIRMEST, RADIAL, Prior
 from cubicfish.fit.refinement import refine_object
 from cubicfish.solve.deformable_target import TARGET_MODELS, TargetModel
 from cubicfish.types import IntArray
@@ -26,6 +26,7 @@ _STAGES = {
     "shape held out": ("boards' shapes, held-out photos", 0.41),
     "points": ("single corners", 0.61),
     "points held out": ("single corners, held-out photos", 0.7),
+    "prior held out": ("other priors, held-out photos", 0.8),
     "checks": ("what may be wrong", 0.9),
 }
 # A richer target must lower photos' held-out errors at least to this share of the poorer one's.
@@ -58,12 +59,14 @@ def select_model(
     """
     level: RefineTarget = "off" if fit.nominal.target is None else refine_target
     if hold_out and level in ("off", "auto"):
-        fit = _judge(fit, partial(begin, progress, "held out"))
-    if level == "off" or (level == "auto" and fit.held_out is None):
-        return fit
-    if level == "auto":
-        return _refine_while_photos_gain(fit, progress)
-    return _refine_up_to(fit, level, hold_out, progress)
+        fit = _measured(fit, partial(begin, progress, "held out"))
+    if level == "auto" and fit.held_out is not None:
+        fit = _refine_while_photos_gain(fit, progress)
+    elif level in ("shape", "points"):
+        fit = _refine_up_to(fit, level, hold_out, progress)
+    central = replace(fit.prior, central=True)
+    others = dict.fromkeys((central, replace(FIRMEST, central=True), RADIAL))
+    return _with_best_prior(fit, list(others), partial(begin, progress, "prior held out"))
 
 
 def _refine_up_to(
@@ -100,7 +103,7 @@ def _refine_judged(
     begin(progress, level)
     report = partial(begin, progress, f"{level} held out")
     refined = [refine_object(start, level, groups) for start in _namings(fit, level)]
-    return better_named([_judge(one, report) for one in refined])
+    return better_named([_measured(one, report) for one in refined])
 
 
 def _namings(fit: CameraFit, level: TargetModel) -> list[CameraFit]:
@@ -122,27 +125,41 @@ def better_named(fits: Sequence[CameraFit]) -> CameraFit:
     return fits[-1]
 
 
-def _judge(fit: CameraFit, progress: Callable[[int, int], None]) -> CameraFit:
-    """The fit with its held-out error, which has the last word on the prior.
+def _measured(fit: CameraFit, progress: Callable[[int, int], None]) -> CameraFit:
+    """The fit with its held-out error, or the one under the firmest prior where that does better.
 
-    The prior was chosen to first order. Where the cubic is worse than its reference on photos that
-    were left out, four other priors are tried: without travel of the pupil, the firmest, both, and
-    the one of the cubic nearest to a radial lens. The fit with the least held-out error is taken.
+    From there a richer target goes on: a prior that is too loose for a poor one misleads it.
     """
-    first = held_out_error(fit, progress)
-    best = replace(fit.without_equations(), held_out=first)
+    measured = replace(fit.without_equations(), held_out=held_out_error(fit, progress))
+    return _with_best_prior(measured, [FIRMEST], progress)
+
+
+def _with_best_prior(
+    fit: CameraFit, others: Sequence[Prior], progress: Callable[[int, int], None]
+) -> CameraFit:
+    """The fit under its prior or another one: photos that were left out have the last word.
+
+    The prior was chosen to first order. Others are tried where the cubic is worse than its
+    reference on photos that were left out; the fit with the least held-out error is taken.
+    """
+    first = fit.held_out
     if first is None or first.rms_px <= first.radial_rms_px:
-        return best
-    least_px = first.rms_px
-    central = replace(fit.prior, central=True)
-    for prior in (central, FIRMEST, replace(FIRMEST, central=True), RADIAL):
+        return fit
+    best, least_px = fit, first.rms_px
+    for prior in others:
         firm = fit_cubic(fit.reference, prior, start=fit, relative_decrease=NEAR_DECREASE)
         measured = held_out_error(firm, progress)
         if measured is not None and measured.rms_px < least_px:
             runners_up = {fit.prior: measured.doubt(first)}
-            if prior == central:  # weight and spread are as open as they were
+            if replace(prior, central=fit.prior.central) == fit.prior:
+                # Weight and spread are as open as they were.
                 for other, likely in fit.runners_up.items():
                     runners_up[replace(other, central=True)] = likely
-            best = replace(firm, runners_up=runners_up, held_out=measured)
+            best = replace(
+                firm.without_equations(),
+                runners_up=runners_up,
+                held_out=measured,
+                other_levels=fit.other_levels,
+            )
             least_px = measured.rms_px
     return best

@@ -33,6 +33,9 @@ class Lens:
     """Name for people."""
     symmetric: ClassVar[bool] = True
     """Whether it is symmetric about its own axis, up to an affine map of its picture."""
+    tilts: ClassVar[bool] = False
+    """Whether it follows a tilted axis a little by parameters of its own: frame and lens are then
+    fitted together."""
     fixed: ClassVar[tuple[str, ...]] = ()
     """Parameters that no fit changes."""
     limits: ClassVar[Mapping[str, tuple[float, float]]] = {}

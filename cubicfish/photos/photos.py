@@ -23,6 +23,7 @@ import numpy.typing as npt
 
 from cubicfish.errors import CubicfishError, OutputError, PhotoError
 from cubicfish.files.whole_files import on_host
+from cubicfish.photos import phones
 from cubicfish.photos.demosaic import evened
 from cubicfish.threads import Shared
 from cubicfish.wording import listed, quoted, shown
@@ -34,10 +35,11 @@ _RAW_NAMES = (
     ".3fr .arw .cr2 .cr3 .crw .dcr .dng .erf .iiq .kdc .mef .mos .mrw .nef .nrw .orf .pef .raf "
     ".raw .rw2 .rwl .sr2 .srf .srw .x3f"
 )
-_OTHER_NAMES = ".avif .exr .gif .heic .heif .hif .jp2 .jxl .pdf .psd"
+_OTHER_NAMES = ".avif .exr .gif .jp2 .jxl .pdf .psd"
+_READS_PHONES = phones.can_be_read()
 VIDEO_SUFFIXES = frozenset(_VIDEO_NAMES.split())
 RAW_SUFFIXES = frozenset(_RAW_NAMES.split())
-OTHER_SUFFIXES = frozenset(_OTHER_NAMES.split())
+OTHER_SUFFIXES = frozenset((*_OTHER_NAMES.split(), *(() if _READS_PHONES else phones.SUFFIXES)))
 """Of other files that hold a photo, and are not read."""
 
 _PNG, _JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
@@ -48,11 +50,15 @@ _RAW = (
     "correction"
 )
 _VIDEO = "is a video: save frames of it as PNG or JPEG ('cubicfish frames')"
-_PHONE = "is a HEIC or AVIF picture, a kind that is not read: save it as PNG or JPEG, in full size"
-_PHONES = re.compile(rb"avi[fs]|he[iv][a-z]|mif1|msf1")
+_AVIF = "is an AVIF picture: save it as PNG or JPEG, in full size (avifdec a.avif a.png)"
+_PHONE = (
+    "is a HEIC picture: pip install 'cubicfish[heif]' reads it, or save it as PNG or JPEG, in full "
+    "size (heif-convert a.heic a.png)"
+)
+_AVIFS = re.compile(rb"avi[fs]")
 
 _NAMES = ".png .jpg .jpeg .jpe .tif .tiff .bmp .dib .webp .pgm .ppm .pnm"
-SUFFIXES = frozenset(_NAMES.split())
+SUFFIXES = frozenset((*_NAMES.split(), *(phones.SUFFIXES if _READS_PHONES else ())))
 _MISSED_SUFFIXES = VIDEO_SUFFIXES | OTHER_SUFFIXES | RAW_SUFFIXES
 
 MAX_PIXELS = 200_000_000
@@ -208,7 +214,11 @@ class PictureFile:
             raise PhotoError(_DAMAGED, about=shown(path))
         with quiet_stderr():
             try:
-                picture = cv2.imdecode(np.frombuffer(as_stored(data), np.uint8), flags)
+                if phones.is_heic(data):
+                    picture = phones.decoded(data)
+                else:
+                    stored = np.frombuffer(as_stored(data), np.uint8)
+                    picture = cv2.imdecode(stored, flags)
             except cv2.error as problem:
                 if "CV_IO_MAX_IMAGE" in str(problem):
                     raise _explain_too_large(path) from problem
@@ -504,9 +514,10 @@ quiet_stderr = Shared(_silence_stderr, _restore_stderr)
 
 
 def is_picture(data: bytes) -> bool:
-    """Whether a file begins as PNG, JPEG, TIFF, BMP, WebP or PNM: no decoder gets any other."""
+    """Whether a file begins as one of the kinds that are read: no decoder gets any other."""
     webp = data.startswith(b"RIFF") and data[8:12] == b"WEBP"
-    return webp or data.startswith((_PNG, _JPEG, b"BM", *_TIFFS, *_PNMS))
+    heic = _READS_PHONES and phones.is_heic(data)
+    return webp or heic or data.startswith((_PNG, _JPEG, b"BM", *_TIFFS, *_PNMS))
 
 
 def other_kind(data: bytes, suffix: str) -> str | None:
@@ -519,18 +530,24 @@ def other_kind(data: bytes, suffix: str) -> str | None:
 
     """
     suffix = suffix.lower()
-    if data[4:8] == b"ftyp":  # a family of formats: the first brand, and those it is compatible to
-        brands = data[8 : min(len(data), 64, struct.unpack_from(">I", data)[0])]
+    if data[4:8] == b"ftyp":  # a family of formats
+        brands = phones.brands_of(data)
         if b"crx " in brands:
             return _RAW
-        return _PHONE if _PHONES.search(brands) else _VIDEO
+        if _AVIFS.search(brands):
+            return _AVIF
+        if not phones.is_heic(data):
+            return _VIDEO
+        return None if _READS_PHONES else _PHONE
     if suffix in RAW_SUFFIXES and (data.startswith(_TIFFS) or not is_picture(data)):
         return _RAW
     return _VIDEO if suffix in VIDEO_SUFFIXES and not is_picture(data) else None
 
 
 def read_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) that the header of a PNG or JPEG file claims; None where it has none."""
+    """(width, height) that a PNG, JPEG or HEIC file's header claims; None where it has none."""
+    if phones.is_heic(data):
+        return phones.size_of(data)
     try:
         if data.startswith(_PNG):
             width, height = struct.unpack_from(">II", data, 16)

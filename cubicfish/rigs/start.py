@@ -25,6 +25,7 @@ from cubicfish.solve.poses import Poses
 from cubicfish.solve.statistics import noise_px
 from cubicfish.target.observations import Observations
 from cubicfish.types import BoolArray, FloatArray, IntArray
+from cubicfish.wording import listed
 
 # Photos fit another lens so many times better before they are said to be its.
 _TIMES = 2.0
@@ -35,6 +36,8 @@ _GROSS_TIMES = 10.0
 _GROSS_SHARE = 0.01
 # Cameras of which the typical shot is off by more of the photo's longer side stand nowhere.
 _LOST_SHARE = 0.03
+# So many of the worst shots are named.
+_WORST = 3
 
 
 def refuse_exchanged(cameras: Mapping[str, Observations], known: Mapping[str, Calibrated]) -> None:
@@ -158,13 +161,18 @@ def start_rig(names: Sequence[str], joined: JoinedViews) -> RigStart:
     for a, b in edges:
         of_a, of_b = _find_together(lens, a, b)
         rigs = places[lens.camera[of_a]].inverse() @ views[of_a]
-        error = float(np.median(_measure_view_errors(joined, rigs, of_b)))
+        errors = _measure_view_errors(joined, rigs, of_b)
+        error = float(np.median(errors))
         if error > _LOST_SHARE * size:
+            worst = [
+                f"{joined.photos[of_b[one]]} ({min(errors[one], size):.0f} px)"
+                for one in np.argsort(-errors, kind="stable")[:_WORST].tolist()
+            ]
             raise FitError(
                 f"the shots of {names[a]} and {names[b]} do not fit one rig (they disagree by "
-                f"{min(error, size):.0f} px in the median)",
-                do="check that photos of one shot were taken at the same moment and are matched "
-                "rightly, and that no camera moved",
+                f"{min(error, size):.0f} px in the median, most in {listed(worst)})",
+                do="look at these, and check that photos of one shot were taken at the same moment "
+                "and are matched rightly, and that no camera moved",
             )
         typical = max(typical, error)
     shots, misfit = place_shots(joined)

@@ -33,6 +33,10 @@ _ROUNDING = 1e-13
 # Where a straight step raises the cost and the next one changes it by less than this share, this is
 # the optimum as far as many photos show: there is always one whose pose rocks between two places.
 _IMMATERIAL = 1e-8
+# A step that should have been shorter than the first share has overshot; the least that is taken.
+_OVERSHOT, _SHORTEST = 0.7, 0.25
+# The last steps are those that are expected to lower the cost by no more than this share.
+_LAST = 1e-2
 # Least damping of poses that went astray.
 _FIRM = 1.0
 COLD_DAMPING = 1e-4
@@ -233,7 +237,7 @@ def adjust(
             "the start of the fit sees corners at infinity: check that the corners are named "
             "rightly and that the camera belongs to these photos"
         )
-    near, iterations = damping < COLD_DAMPING, 0
+    near, iterations, reach = damping < COLD_DAMPING, 0, 1.0
     pose_damping = np.zeros((len(poses), 1))
     while iterations < max_iterations:
         step = now.normal.solve(damping, pose_damping)
@@ -242,14 +246,19 @@ def adjust(
         if near and gain < relative_decrease and damping < COLD_DAMPING:
             break
         iterations += 1
-        new = _evaluate(now.moved(*step), pairs, huber_px)
+        new = _evaluate(now.moved(*(reach * part for part in step)), pairs, huber_px)
         least = relative_decrease
         if not new.cost < now.cost and gain > _ROUNDING and iterations < max_iterations:
             iterations += 1
-            least = max(relative_decrease, _IMMATERIAL)
+            least, reach = max(relative_decrease, _IMMATERIAL), 1.0
             new = _try_again(now, new, damping, pose_damping)
         if new.cost < now.cost:
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
+            # Where the cost bends more than its equations say, the last steps lead from one side of
+            # a valley to the other: the next goes as far as this one should have gone.
+            bend = 2 * reach * gain - decrease
+            wanted = reach**2 * gain / bend if gain < _LAST and bend > 0 else 1.0
+            reach = max(wanted, _SHORTEST) if wanted < _OVERSHOT else 1.0
             now = new
             damping = max(damping / 10, 1e-14)
             pose_damping *= 0.1

@@ -327,8 +327,8 @@ def _fit(
     uncertain = set(observed.pairs.image[~observed.pairs.certain].tolist())
     if options.refine_target in (None, "auto") and uncertain:
         run.listener.tell(Event.NOT_CERTAIN, photos=len(uncertain))
-    points = options.kind == "points"
-    run.listener.tell(Event.FITTING, corners=len(observed.pairs.pixel), points=points)
+    points = {"points": True} if options.kind == "points" else {}
+    run.listener.tell(Event.FITTING, corners=len(observed.pairs.pixel), **points)
     if options.lift == "point":
         from cubicfish.fit import calibrate_points
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run
 from cubicfish.files import StrPath
-from cubicfish_cli.inputs.paths import in_folder
+from cubicfish_cli.inputs.paths import in_folder, refuse_picture
 from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.figures import print_verdict, px
 from cubicfish_cli.terminal.parameters import as_command, record
@@ -116,6 +116,7 @@ def info_files(options: InfoOptions, *, run: Run = Run()) -> CameraInfo:
     from cubicfish import load_any_camera
 
     path = in_folder(Path(options.camera))
+    refuse_picture(path)
     return CameraInfo(model=path, known=load_any_camera(path))
 
 

@@ -20,7 +20,7 @@ from cubicfish import (
 )
 from cubicfish.files import Content, Fingerprint, write_files
 from cubicfish.photos import PictureFile
-from cubicfish.views import ChosenView
+from cubicfish.views import ChosenView, ViewOptions
 from cubicfish_cli.inputs.paths import path_or_none
 from cubicfish_cli.plan import Plan
 from cubicfish_cli.undistortion.batch import Job, Views, write_many
@@ -232,11 +232,16 @@ def write_pictures(
 
     """
     record = _find_record(plan, model)
-    write_files(record, overwrite=True)
+    if run.executor is None:  # a run that is killed has said whose its pictures are
+        write_files(record, overwrite=True)
     extras = plan.register.write(_draw_beside(plan, views)) if plan.beside else []
     if plan.kind == "video":  # one after the other, and each reports its own progress
         run = replace(run, jobs=1, listener=Listener())
-    failures = write_many(plan.jobs, views.writer(plan.options.quality), run)
+    try:
+        failures = write_many(plan.jobs, views.writer(plan.options.quality), run)
+    finally:
+        if run.executor is not None and plan.folder is not None and plan.folder.is_dir():
+            write_files(record, overwrite=True)
     # What another run has written in the meantime is as good.
     late = [
         job.name
@@ -271,7 +276,7 @@ def _find_record(plan: PicturePlan, model: Path | None) -> dict[Path, Content]:
     if plan.folder is None or model is None:
         return {}
     path, digest = plan.folder / _RECORD, Fingerprint.of(model).sha256
-    own = {"camera": str(model), "sha256": digest, "view": repr(plan.options.view)}
+    own = {"camera": str(model), "sha256": digest, "view": repr(plan.options.view or ViewOptions())}
     try:
         known = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from cubicfish_cli.commands.pictures import UndistortedFiles
     from cubicfish_cli.undistortion.batch import Views
 
+_NEVER_WRITTEN = (".heic", ".heif", ".hif")
 _WITH_QUALITY = {".jpg", ".jpeg", ".webp"}
 _FEW = 10
 
@@ -194,10 +195,16 @@ def undistort_files(options: UndistortOptions, *, run: Run = Run()) -> Undistort
     path = in_folder(Path(camera)) if isinstance(camera, str | os.PathLike) else None
     plane = options.view.target if isinstance(options.view, PlaneOptions) else None
     register = Plan(run, skip_existing=options.skip_existing).reads(path, plane)
-    photos = {name: (name, {"": one}) for name, one in sources.items()}
+    photos = {name: (_result_name(name), {"": one}) for name, one in sources.items()}
     plan = plan_pictures(kind, photos, Path(options.output), options, register, alone=alone)
     views = _make_views(kind, path or camera, [*sources.values()], options, run)
     return write_pictures(plan, views, run, model=path)
+
+
+def _result_name(name: str) -> str:
+    """The name of a photo's result in a folder: the photo's own, if such pictures are written."""
+    own = Path(name)
+    return str(own.with_suffix(".png")) if own.suffix.lower() in _NEVER_WRITTEN else name
 
 
 def _find_sources(names: Sequence[str], run: Run) -> tuple[str, dict[str, Path], bool]:

@@ -35,11 +35,10 @@ def in_folder(path: Path) -> Path:
     """The camera file that is meant: a folder stands for the camera.yaml in it.
 
     Raises:
-        CameraFileError: the folder has none, or the file is a photo or a film.
+        CameraFileError: the folder has none.
 
     """
     if not path.is_dir():
-        _refuse_picture(path)
         return path
     inside = path / "camera.yaml"
     if inside.exists():
@@ -55,7 +54,13 @@ def in_folder(path: Path) -> Path:
     )
 
 
-def _refuse_picture(path: Path) -> None:
+def refuse_picture(path: Path) -> None:
+    """Refuse a photo or a film where a camera is meant.
+
+    Raises:
+        CameraFileError: it is one, by its name.
+
+    """
     from cubicfish.photos import PictureFile
 
     suffix, files = path.suffix.lower(), PictureFile

@@ -189,7 +189,7 @@ class Choice(click.Choice):  # type: ignore[type-arg, unused-ignore]
             return super().convert(value, param, ctx)
         except click.BadParameter:
             near = did_you_mean(str(value), map(str, self.choices))
-            self.fail(f"{quoted(str(value))} is not known: {near}", param, ctx)
+            self.fail(f"{quoted(str(value))} is not one of them: {near}", param, ctx)
 
 
 class Command(click.Command):

@@ -48,12 +48,12 @@ def _passed_over(line: str) -> str:
 
 @WORDS.event(Event.MANY_PHOTOS)
 def _many_photos(photos: int) -> str:
-    return f"{photos:,} photos: --most 60 calibrates from those that add most."
+    return f"{plural(photos, 'photo')}: --most 60 calibrates from the 60 most useful."
 
 
 @WORDS.event(Event.PHOTOS_CHOSEN)
 def _photos_chosen(chosen: int, photos: int, ended: str) -> str:
-    return f"{plural(chosen, 'photo')} of {photos:,} chosen, which add most ({ended})."
+    return f"Chose the {chosen:,} most useful of {plural(photos, 'photo')} ({ended})."
 
 
 @WORDS.event(Event.FILM_ENDS)
@@ -69,13 +69,12 @@ def _film_damaged(film: str, frames: int, of: int) -> str:
 
 @WORDS.event(Event.FILM_TURNED)
 def _film_turned(film: str, turned_deg: int) -> str:
-    turned = f"{film} tells players to turn it by {turned_deg}°"
-    return f"note: {turned}: frames are as the sensor made them"
+    return f"note: {film} has a rotation flag of {turned_deg}°, which is ignored"
 
 
 @WORDS.event(Event.FRAMES_CHOSEN)
 def _frames_chosen(chosen: int, frames: int, folder: Any, ended: str) -> str:
-    return f"{plural(chosen, 'frame')} of {frames:,} chosen: {folder} ({ended})."
+    return f"Chose {chosen:,} of {plural(frames, 'frame')}: {folder} ({ended})."
 
 
 def why_ended(ended: Literal["all", "asked", "enough"], chosen: int, what: str) -> str:
@@ -102,8 +101,7 @@ def _looked_again(corners: int) -> str:
 def _not_certain(photos: int) -> str:
     return (
         f"{plural(photos, 'photo')} {pick(photos, 'shows', 'show')} too little of the board to "
-        "tell which corners these are: they count for the lens, and not where the target is "
-        "measured."
+        "tell which corners these are: used for the lens, but not to measure the target."
     )
 
 
@@ -122,7 +120,7 @@ def _no_map(width: int, height: int) -> str:
 
 @WORDS.event(Event.PRINTED_AS_DRAWN)
 def _printed_as_drawn() -> str:
-    return "note: boards are printed as drawn; how a calibration found them to depart is left out"
+    return "note: boards are printed as drawn, without the deviations that a calibration measured"
 
 
 @WORDS.event(Event.AMBIGUOUS)
@@ -137,8 +135,8 @@ def _without_pose(photos: int) -> str:
 
 @WORDS.event(Event.VIDEO_TURNED)
 def _video_turned(video: Any, turned_deg: int) -> str:
-    turned = f"{video}: the source tells players to turn it by {turned_deg}°"
-    return f"{turned}, which the result does not: turn it with --rotate 0,0,DEG"
+    turned = f"{video}: the source has a rotation flag of {turned_deg}°"
+    return f"{turned}, which the result lacks: rotate it with --rotate 0,0,DEG"
 
 
 @WORDS.event(Event.VIDEO_INTERLACED)
@@ -156,7 +154,7 @@ def _video_reduced(video: Any, given: str, written: str) -> str:
 
 @WORDS.event(Event.RENDERED_FLAT)
 def _rendered_flat() -> str:
-    return "Boards are rendered flat: the target's bends and offsets are left out."
+    return "Boards are rendered flat, without the target's bends and offsets."
 
 
 @WORDS.event(Event.RENDERING)

@@ -11,8 +11,8 @@ from cubicfish_cli.words.table import Words
 
 Names = Sequence[str]
 
-_GOOD = "where good photos of a well-measured target are off by 0.1 or 0.2 px"
-_NOT_WHERE = ", so advice says where corners are missing, and not where to put the target"
+_GOOD = "good photos of a well-measured target give 0.1 to 0.2 px"
+_NOT_WHERE = ", so advice says where corners are missing, but not where to put the target"
 _UNEXPLAINED = "more than paper or plate explains"
 WORDS = Words(
     findings={
@@ -20,30 +20,28 @@ WORDS = Words(
             "the file does not say how well the camera fits", do="calibrate again"
         ),
         (Code.NO_FIGURES, "elsewhere"): Said(
-            "its accuracy is not known: the camera's file does not say how it was calibrated",
+            "accuracy is not known: the camera's file does not say how it was calibrated",
             do="measure it on photos of a target: cubicfish evaluate PHOTOS --target target.yaml "
             "--model CAMERA",
         ),
         (Code.LARGE_ERRORS, "photo"): Said("large errors"),
         (Code.FEW_CORNERS, "photo"): Said("few corners"),
         (Code.NOT_HELD_OUT, ""): Said(
-            "no error was measured on photos that the fit has not seen",
-            do="calibrate with --hold-out; if that was on, take more photos from other places: "
-            "these were taken from too few, or without some of them there is no camera at all",
+            "no error was measured on photos not used in the fit",
+            do="calibrate with --hold-out; if it was on, take more photos, from other places",
         ),
-        (Code.TOO_FEW_CORNERS, ""): Said("too few corners to be placed"),
+        (Code.TOO_FEW_CORNERS, ""): Said("too few corners to find its pose"),
         (Code.NO_ERROR, ""): Said(
             "cannot tell which corners of the board these are",
             do="show more of the board",
         ),
         (Code.NO_ERROR, "short"): Said("no error known"),
         (Code.NO_POSES, ""): Said(
-            "the camera file has no poses of these photos, so nothing can be said of what more "
-            "photos would bring"
+            "the camera file has no poses of these photos, so the gain from more photos is unknown"
         ),
         (Code.NO_TARGET, ""): Said(f"the pairs came without a target{_NOT_WHERE}"),
         (Code.NO_SIDE, ""): Said(
-            f"nobody knows from which side a list of points can be seen{_NOT_WHERE}"
+            f"a list of points does not tell from which side it can be seen{_NOT_WHERE}"
         ),
         (Code.NO_VIEW, ""): Said(
             "no pose was found from which this camera would see a whole board with squares large "
@@ -56,7 +54,7 @@ WORDS = Words(
 @WORDS.finding(Code.LARGE_ERRORS)
 def _large_errors(error_px: float) -> Said:
     return Said(
-        f"corners are off by {error_px:.2f} px, {_GOOD}",
+        f"corners are off by {error_px:.2f} px; {_GOOD}",
         do="compare target.yaml with the real target (inner corners, square, places: 'cubicfish "
         "target check --draw'), and look at the photos with the largest errors",
     )
@@ -64,7 +62,7 @@ def _large_errors(error_px: float) -> Said:
 
 @WORDS.finding(Code.LARGE_ERRORS, "evaluation")
 def _large_errors_elsewhere(error_px: float) -> Said:
-    what = f"the camera is off by {error_px:.2f} px, {_GOOD}"
+    what = f"the camera is off by {error_px:.2f} px; {_GOOD}"
     return Said(what, do="check that camera, target and photos belong together")
 
 
@@ -79,24 +77,24 @@ def _few_corners(corners: float) -> Said:
 @WORDS.finding(Code.NOT_HELD_OUT, "few")
 def _not_held_out_of_few(photos: int) -> Said:
     few = f"{plural(photos, 'photo')} {pick(photos, 'is', 'are')} too few"
-    what = f"{few} to measure an error on photos that the fit has not seen"
+    what = f"{few} to hold any out of the fit and measure the error on them"
     return Said(what, do="take three or more photos")
 
 
 @WORDS.finding(Code.OVERFITTED)
 def _overfitted(held_out_px: float, times: float) -> Said:
     return Said(
-        f"the camera is off by {held_out_px:.3f} px on photos left out of the fit, {times:.1f} "
-        "times as much as on those that it was fitted to",
-        do="take more photos, and more than one with corners in each part of the picture",
+        f"the camera is off by {held_out_px:.3f} px on photos not used in the fit, {times:.1f} "
+        "times as much as on the others",
+        do="take more photos, and show each part of the picture in several of them",
     )
 
 
 @WORDS.finding(Code.RADIAL_IS_NEARER)
 def _radial_is_nearer(radial_px: float, held_out_px: float) -> Said:
     return Said(
-        f"on photos left out of the fit a plain radial lens is nearer ({radial_px:.3f} px against "
-        f"{held_out_px:.3f} px): the corners are too few for so rich a camera",
+        "a plain radial lens does better on photos not used in the fit "
+        f"({radial_px:.3f} px against {held_out_px:.3f} px): too few corners for so rich a model",
         do="take more photos, with corners out to the rim",
     )
 
@@ -136,7 +134,7 @@ def _low_coverage(share: float) -> Said:
 @WORDS.finding(Code.SMALL_FIELD)
 def _small_field(share: float) -> Said:
     return Said(
-        f"the camera may be trusted over only {whole(share)} of the photo, as far as corners reach",
+        f"only {whole(share)} of the photo is calibrated, as far as corners reach",
         do="if the lens shows more than that, take photos with the target near the rim",
     )
 
@@ -146,7 +144,7 @@ def _low_rank(case: str, rank: float, full: int) -> Said:
     where, do = "where the corners lie", "take photos with the target in other parts of the picture"
     if case == "point":
         where, do = "on the boards", "add boards in other planes, or calibrate with --lift ray"
-    what = f"the corners determine {rank:.0f} of {full} cubics: the camera says something only"
+    what = f"the corners determine {rank:.0f} of {full} cubics: the camera holds only"
     return Said(f"{what} {where}", do=do)
 
 
@@ -186,7 +184,7 @@ def _many_outliers(dropped: float, corners: float) -> Said:
 
 @WORDS.finding(Code.MANY_UNFIT)
 def _many_unfit(left_out: int, photos: float) -> Said:
-    do = "take them again: sharp, of a target that does not move, as the sensor made them"
+    do = "take them again: sharp, unedited, with the target still"
     return Said(f"{left_out} of {photos:.0f} photos do not fit and are left out", do=do)
 
 
@@ -241,8 +239,8 @@ def _corners_off(board: str, size: float, units: str) -> Said:
 def _does_not_fit(images: Names, error_px: float) -> Said:
     return Said(
         f"{pick(images, 'its', 'their')} corners are off by {pick(images, '', 'up to ')}"
-        f"{error_px:.1f} px in the median, where the other photos agree: the target moved, the "
-        "zoom was another one, or corners are named wrongly"
+        f"{error_px:.1f} px in the median, while the other photos agree: the target moved, the "
+        "zoom changed, or corners are misnamed"
     )
 
 
@@ -262,7 +260,7 @@ def _board_dropped(
     off = pick(images, f"{low_px:.1f}", f"{low_px:.1f} to {high_px:.1f}")
     return Said(
         f"{listed(images, 'photos')}: {dropped} of {corners} corners of board {board} are off by "
-        f"{off} px in the median and were dropped: the board moved, or is named wrongly in "
+        f"{off} px in the median and were dropped: the board moved, or is misnamed in "
         f"{pick(images, 'this photo', 'these photos')}"
     )
 
@@ -284,8 +282,9 @@ def _outliers(dropped: int) -> Said:
 
 @WORDS.finding(Code.NOT_CERTAIN)
 def _not_certain(p95_px: float, goal_px: float) -> Said:
-    certain = f"95 % of the field is certain only to {p95_px:.3f} px"
-    return Said(f"{certain}, where {goal_px:g} px are wanted")
+    return Said(
+        f"uncertainty is {p95_px:.3f} px over 95 % of the field; the goal is {goal_px:g} px"
+    )
 
 
 @WORDS.finding(Code.NOT_TRUSTED)

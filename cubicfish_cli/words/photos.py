@@ -11,10 +11,10 @@ from cubicfish_cli.words.table import Words
 
 Names = Sequence[str]
 
-_IN_VIEW = "is a board in view, whole squares of it, sharp and not covered?"
+_IN_VIEW = "is a board in view, with whole squares, sharp and uncovered?"
 _FOCUS = "focus, and hold the camera still"
-_COVERED = "is the board covered, in a shadow, bent, or are its squares not square?"
-_BY_ITSELF = "calibrate each size by itself"
+_COVERED = "is the board covered, shaded or bent, or are its squares not square?"
+_BY_ITSELF = "calibrate each size separately"
 _MARKERS_LARGE = "are markers at least about 15 pixels wide, and sharp?"
 _LAID_OUT = (
     "are corners (or tags), first_square and first_marker of the boards right, and markers at "
@@ -55,20 +55,19 @@ def _problem_alone(problem: str) -> Said:
 
 @WORDS.finding(Code.OTHER_SIZE, "", "turned")
 def _other_size(case: str, width: int, height: int, most_width: int, most_height: int) -> Said:
-    what = f"{width}x{height} pixels, where most photos are {most_width}x{most_height}"
+    what = f"{width}x{height} pixels, while most photos are {most_width}x{most_height}"
     if case != "turned":
         return Said(f"{what}: {_BY_ITSELF}")
     return Said(
         f"{what}: the same size turned by 90° (portrait and landscape)",
-        do="photos are used as the sensor made them: save without rotation, or calibrate such "
-        "photos by themselves",
+        do="EXIF rotation is ignored: save the photos unrotated, or calibrate these separately",
     )
 
 
 @WORDS.finding(Code.OTHER_SIZE, "many")
 def _other_size_of_many(left_out: int, photos: int, most_width: int, most_height: int) -> Said:
     size = f"{most_width}x{most_height} pixels"
-    return Said(f"{_many(left_out, photos)} they have other sizes than {size}", do=_BY_ITSELF)
+    return Said(f"{_many(left_out, photos)} they are not {size}", do=_BY_ITSELF)
 
 
 def _no_board(seen: str, do: str, photos: int) -> Said:
@@ -80,13 +79,13 @@ _SEEN: Mapping[tuple[str, str], tuple[str, str]] = {
     (Code.TOO_DARK, ""): ("too dark", "use a longer exposure"),
     (Code.TOO_BRIGHT, ""): ("too bright (overexposed)", "use a shorter exposure"),
     (Code.TOO_BRIGHT, "burnt"): (
-        "too bright (white is burnt out, so that dark squares no longer touch)",
+        "too bright (white is burnt out, and dark squares no longer touch)",
         "use a shorter exposure",
     ),
-    (Code.NO_PATTERN, ""): ("an even picture without any pattern", _IN_VIEW),
-    (Code.LOW_CONTRAST, ""): ("too little contrast above the noise", "light the boards better"),
+    (Code.NO_PATTERN, ""): ("a uniform picture without any pattern", _IN_VIEW),
+    (Code.LOW_CONTRAST, ""): ("too little contrast for the noise", "light the boards better"),
     (Code.NO_CORNER, ""): ("no checkerboard corner in sight", _IN_VIEW),
-    (Code.BLURRED, ""): ("too blurred (out of focus or moved)", _FOCUS),
+    (Code.BLURRED, ""): ("too blurred (out of focus, or motion)", _FOCUS),
     (Code.NO_CHECKERBOARD, ""): ("corner-like points, but no checkerboard pattern", _IN_VIEW),
 }
 """What photos look like in which no grid was found, and what to do."""
@@ -103,7 +102,7 @@ for _code, _case in _SEEN:
 @WORDS.finding(Code.PHOTO_TOO_SMALL)
 def _photo_too_small(width: int, height: int, photos: int = 0) -> Said:
     do = "use the photo as the camera made it"
-    return _no_board(f"too small a photo ({width}x{height})", do, photos)
+    return _no_board(f"photo too small ({width}x{height})", do, photos)
 
 
 @WORDS.finding(Code.BLURRED, "grid")
@@ -182,8 +181,8 @@ def _no_markers_but_others(says: str, photos: int, first: int, last: int, seen: 
 @WORDS.finding(Code.TWICE_IN_VIEW)
 def _twice_in_view(board: str) -> Said:
     return Said(
-        f"board {board} is left out: its markers are in two places, so two copies of it are in "
-        "view, or it is not as the target says"
+        f"board {board} is left out: its markers appear in two places: two copies of it are in "
+        "view, or it differs from target.yaml"
     )
 
 
@@ -211,8 +210,8 @@ class _Grid(NamedTuple):
     short: str
 
 
-_CHECK_BOARDS = "check corners, square, origin and axes of the boards in the target file"
-_MORE_BOARDS = "take photos that show two boards, or a board with its ends"
+_CHECK_BOARDS = "check corners, square, origin and axes of the boards in target.yaml"
+_MORE_BOARDS = "take photos that show two boards, or the ends of a board"
 _GRIDS: Mapping[str, _Grid] = {
     Code.AMBIGUOUS: _Grid(
         why="several places on the target fit nearly as well",
@@ -221,22 +220,22 @@ _GRIDS: Mapping[str, _Grid] = {
         short="several places fit",
     ),
     Code.SLIDES: _Grid(
-        why="no end of a board is seen, so it could be anywhere along it",
-        many="no end of a board is seen, so it could be anywhere along it",
+        why="no end of the board is visible, so it could be anywhere along it",
+        many="no end of the board is visible, so it could be anywhere along it",
         do=_MORE_BOARDS,
         short="no end of a board in view",
     ),
     Code.LOOKS_LIKE_ANOTHER: _Grid(
-        why="it could be any of several boards that look alike",
+        why="could be any of several boards that look alike",
         many="each could be any of several boards that look alike",
         do="take photos that show these boards together",
         short="one of several boards alike",
     ),
     Code.FITS_NOWHERE: _Grid(
-        why="fits no place on the target",
-        many="what they show fits no place on the target",
+        why="fits nowhere on the target",
+        many="what they show fits nowhere on the target",
         do=_CHECK_BOARDS,
-        short="fits no place",
+        short="fits nowhere",
     ),
     Code.TOO_LARGE: _Grid(
         why="larger than every board of the target",
@@ -245,15 +244,15 @@ _GRIDS: Mapping[str, _Grid] = {
         short="larger than every board",
     ),
     Code.OTHER_COLOURS: _Grid(
-        why="its squares are light where those of the board are dark",
+        why="squares are light where those of the board are dark",
         many="squares are light where those of the board are dark",
         do="check first_square of the boards in target.yaml, and whether the photo is mirrored; "
         + MIRROR,
         short="light where the board is dark",
     ),
     Code.NO_PLANE: _Grid(
-        why="its corners are no plane of squares",
-        many="corners are no plane of squares",
+        why="corners do not form a plane of squares",
+        many="corners do not form a plane of squares",
         do=_CHECK_BOARDS,
         short="not a plane of squares",
     ),
@@ -263,7 +262,7 @@ _GRIDS: Mapping[str, _Grid] = {
 def _grid_left_out(code: str, grids: int, columns: int, rows: int, corners: int) -> Said:
     why = _GRIDS[code].why
     if code == Code.FITS_NOWHERE and grids != 1:
-        why = "they fit no place on the target"
+        why = "they fit nowhere on the target"
     grid = _grid(grids, columns, rows, corners)
     return Said(f"{grid} {pick(grids, 'is', 'are')} left out: {why}", do=_GRIDS[code].do)
 
@@ -282,7 +281,7 @@ for _code, _own in _GRIDS.items():
 @WORDS.finding(Code.FITS_NOWHERE, "odd")
 @WORDS.finding(Code.NO_PLANE, "odd")
 def _odd_grid(code: str, grids: int, columns: int, rows: int, corners: int) -> Said:
-    though = "those of most photos are" if code == Code.NO_PLANE else "grids of most photos do"
+    though = "those of most photos do" if code == Code.NO_PLANE else "grids of most photos do"
     what = _grid_left_out(code, grids, columns, rows, corners).what
     return Said(
         f"{what}, though {though}",

@@ -13,19 +13,20 @@ Names = Sequence[str]
 Colour = Literal["light", "dark"]
 
 CORRECT = "correct target.yaml and calibrate again"
-COUNTS = "the counts of corners in target.yaml (or of --board)"
-MIRROR = "if the camera looks into a mirror, say mirrored: true at the top of target.yaml"
-_RERUN = "correct target.yaml and run it again"
+COUNTS = "the corner counts in target.yaml (or --board)"
+MIRROR = "if the camera looks into a mirror, set mirrored: true at the top of target.yaml"
+_RERUN = "correct target.yaml and run again"
 _ORDER = "correct target.yaml, or the order in corners.csv, and calibrate again"
+_WITHOUT_IT = f"{_ORDER}; the camera was fitted without this board"
 _MEASURE = f"measure its origin and axes again, {CORRECT}"
 _ROWS = "correct these rows of corners.csv, or leave the"
-_NOT_MIRRORED = "take mirrored: true out of target.yaml"
-_AS_MADE = "use photos as the sensor made them"
+_NOT_MIRRORED = "remove mirrored: true from target.yaml"
+_AS_MADE = "use the original photos"
 WORDS = Words(
     findings={
         (Code.MIRRORED, "target"): Said(
             "all photos are mirrored: the target fits as seen in a mirror",
-            do=f"{_AS_MADE}, not as a video call shows them; {MIRROR} and detect the corners again",
+            do=f"{_AS_MADE}, not flipped as in a video call; {MIRROR} and detect the corners again",
         ),
         (Code.MIRRORED, "points"): Said(
             "all photos are mirrored, or the points' coordinates are: the target fits as seen in a "
@@ -35,12 +36,12 @@ WORDS = Words(
         (Code.MIRRORED, "behind"): Said(
             "every photo shows the board from behind: either the photos are mirrored, and then so "
             "is the camera, or columns or rows are counted the other way round",
-            "rows do not grow to the right of the direction in which columns grow",
+            "seen from the front, rows must run clockwise from columns",
             "compare a photo with the board; if only the counting differs, the camera is right and "
             "the poses are of the board's back",
         ),
         (Code.MIRRORED, "all_grids"): Said(
-            "all photos are mirrored", do=f"{_AS_MADE}, not as a video call shows them; {MIRROR}"
+            "all photos are mirrored", do=f"{_AS_MADE}, not flipped as in a video call; {MIRROR}"
         ),
         (Code.MIRRORED, "none"): Said("no photo is mirrored", do=_NOT_MIRRORED),
     }
@@ -49,39 +50,39 @@ WORDS = Words(
 
 @WORDS.because("apart")
 def _apart(together_px: float, apart_px: float) -> str:
-    return f"the RMS is {together_px:.2f} px together and {apart_px:.2f} px apart"
+    return f"RMS {together_px:.2f} px together, {apart_px:.2f} px apart"
 
 
 @WORDS.because("own_lens")
 def _own_lens(own_px: float) -> str:
-    return f"by themselves they fit a lens of their own to {own_px:.2f} px"
+    return f"fitted separately, they reach {own_px:.2f} px"
 
 
 @WORDS.because("own_lens_before")
 def _own_lens_before(own_px: float) -> str:
-    return f"the photos before fit a lens of their own to {own_px:.2f} px"
+    return f"fitted separately, the earlier photos reach {own_px:.2f} px"
 
 
 @WORDS.because("refined")
 def _refined(before_px: float, after_px: float) -> str:
-    return f"the RMS is {before_px:.2f} px as drawn and {after_px:.2f} px as it really is"
+    return f"RMS {before_px:.2f} px as drawn, {after_px:.2f} px as it really is"
 
 
 @WORDS.because("corrected")
 def _corrected(after_px: float) -> str:
-    return f"with that corrected the typical error falls to {after_px:.2g} px"
+    return f"once corrected, the typical error falls to {after_px:.2g} px"
 
 
 @WORDS.because("put_right")
 def _put_right(before: float, after: float) -> str:
-    found = f"{whole(before)} of the corners have a place on the target as it is"
-    return f"{found}, and {whole(after)} with that put right"
+    found = f"{whole(before)} of the corners have a place on the target as drawn"
+    return f"{found}, {whole(after)} once corrected"
 
 
 def _shown(photos: int, error_px: float) -> str:
     return (
-        f"{photos} photos show it; with that corrected, its corners are within {error_px:.2f} px "
-        "of where the other boards put them"
+        f"{plural(photos, 'photo')} {pick(photos, 'shows', 'show')} it; once corrected, its "
+        f"corners are within {error_px:.2f} px of where the other boards put them"
     )
 
 
@@ -90,19 +91,19 @@ Order = Literal[
     "a_quarter_turn", "x_axis", "y_axis", "both_axes", "other_end", "colours", "some_colours",
 ]  # fmt: skip
 _ORDERS: Mapping[Order, str] = {
-    "columns_backwards": "columns are counted the other way round than the target says",
-    "rows_backwards": "rows are counted the other way round than the target says",
-    "half_a_turn": "corners are counted from the opposite corner, the board turned by 180°",
+    "columns_backwards": "columns are counted the other way round",
+    "rows_backwards": "rows are counted the other way round",
+    "half_a_turn": "corners are counted from the opposite corner (the board is turned by 180°)",
     "exchanged": "rows and columns are exchanged",
     "exchanged_size": "rows and columns are exchanged: corners: [{columns}, {rows}] for [{rows}, "
     "{columns}]",
-    "a_quarter_turn": "it is a quarter turn from how the target has it",
-    "x_axis": "x_axis points the other way round",
-    "y_axis": "y_axis points the other way round",
-    "both_axes": "x_axis and y_axis point the other way round",
-    "other_end": "columns run the other way round: origin is at their other end",
-    "colours": "its squares are dark where the target has light ones: first_square: {first_square}",
-    "some_colours": "its squares are dark where the target has light ones",
+    "a_quarter_turn": "turned by 90° from how the target has it",
+    "x_axis": "x_axis points the wrong way",
+    "y_axis": "y_axis points the wrong way",
+    "both_axes": "x_axis and y_axis point the wrong way",
+    "other_end": "columns run the wrong way: origin belongs at their other end",
+    "colours": "its squares are dark where the target says light: set first_square: {first_square}",
+    "some_colours": "its squares are dark where the target says light",
 }
 Named = Literal[
     "columns_backwards", "rows_backwards", "half_a_turn", "exchanged", "a_quarter_turn",
@@ -114,8 +115,8 @@ _UNITS: Mapping[Units, str] = {
     "cm_mm": "centimetres and millimetres",
     "m_mm": "metres and millimetres",
     "inches_cm": "inches and centimetres",
-    "inches_for_mm": "inches for millimetres",
-    "cm_for_mm": "centimetres for millimetres",
+    "inches_for_mm": "inches and millimetres",
+    "cm_for_mm": "centimetres and millimetres",
 }
 Which = Literal["all", "one"]
 
@@ -154,7 +155,7 @@ def _begins_otherwise(board: str, first_square: Colour, corners: int, named: int
 @WORDS.finding(Code.BOARD_ORDER, "of_photos")
 def _board_order_of_photos(board: str, order: Order, photos: int, error_px: float) -> Said:
     what = f"board {board}: {_order(order, 0, 0, '')}"
-    return Said(what, _shown(photos, error_px), f"{_ORDER}: the camera is made without this board")
+    return Said(what, _shown(photos, error_px), _WITHOUT_IT)
 
 
 @WORDS.finding(Code.BOARD_NAMES)
@@ -171,7 +172,7 @@ def _board_names_places(boards: Names) -> Said:
 @WORDS.finding(Code.BOARD_NAMES, "of_photos")
 def _board_names_of_photos(board: str, other: str, photos: int, error_px: float) -> Said:
     what = f"board {board}: its corners are those of board {other}"
-    return Said(what, _shown(photos, error_px), f"{_ORDER}: the camera is made without this board")
+    return Said(what, _shown(photos, error_px), _WITHOUT_IT)
 
 
 @WORDS.finding(Code.BOARD_PLACE, "", "and_square", "of_two", "of_two_and_square")
@@ -212,7 +213,7 @@ def _many_grids_left_out(left_out: int, grids: int, unseen: str = "") -> Said:
 
 @WORDS.finding(Code.BOARD_PLACE, "in_most")
 def _board_place_in_most(board: str, photos: int) -> Said:
-    what = f"board {board} is not where target.yaml puts it beside the other boards"
+    what = f"board {board} is not where target.yaml puts it relative to the other boards"
     return Said(what, f"{photos} photos show it, and fit without this board", _MEASURE)
 
 
@@ -229,8 +230,8 @@ def _board_place_of_photos(
     rows_far: bool = False,
 ) -> Said:
     steps = _named(named, other, column_steps, columns_far, row_steps, rows_far)
-    what = f"board {board}: its corners are named {steps}"
-    return Said(what, _shown(photos, error_px), f"{_ORDER}: the camera is made without this board")
+    what = f"board {board}: its corners are misnamed: {steps}"
+    return Said(what, _shown(photos, error_px), _WITHOUT_IT)
 
 
 def _named(
@@ -248,8 +249,8 @@ def _named(
         "rows_backwards": "rows counted backwards",
         "half_a_turn": "counted from the opposite corner",
         "exchanged": "rows and columns exchanged",
-        "a_quarter_turn": "a quarter turn round",
-        "other_board": f"they are of board {other}",
+        "a_quarter_turn": "turned by 90°",
+        "other_board": f"they belong to board {other}",
         "columns": columns,
         "rows": rows,
         "both": f"{columns} and {rows}",
@@ -262,7 +263,7 @@ def _board_place_moved(board: str, images: Names) -> Said:
     these = pick(images, "this photo", "these photos")
     return Said(
         f"{listed(images, 'photos')}: board {board} is not where it is in the other photos: it "
-        "moved, or its corners are named wrongly",
+        "moved, or its corners are misnamed",
         f"without it {pick(images, 'the photo fits', 'the photos fit')}",
         f"look at {these} with 'cubicfish detect --draw', or leave {pick(images, 'it', 'them')} "
         "out",
@@ -284,7 +285,8 @@ def _board_square_all(off: float, real: str) -> Said:
 @WORDS.finding(Code.BOARD_SQUARE, "units", "all_units")
 def _board_square_units(case: str, board: str, times: float, units_mixed: Units, real: str) -> Said:
     boards, of = ("all boards", "") if case == "all_units" else (f"board {board}", f" of {board}")
-    what = f"the square of {boards} is {times:.4g} times off: {_UNITS[units_mixed]} are mixed up"
+    what = f"the square of {boards} is off by a factor of {times:.4g}: "
+    what += f"{_UNITS[units_mixed]} are mixed up"
     return Said(f"{what} ({real})", do=f"measure ten squares{of}, {CORRECT}")
 
 
@@ -292,17 +294,17 @@ def _board_square_units(case: str, board: str, times: float, units_mixed: Units,
 def _board_square_grids(
     board: str, which: Which, times: float, small: bool, units_mixed: Units
 ) -> Said:
-    size = f"{times:g} times too {pick(small, 'small', 'large')}"
-    what = f"{_which(which, board)}: its square is {size}: {_UNITS[units_mixed]}, or the reverse"
+    size = f"too {pick(small, 'small', 'large')} by a factor of {times:g}"
+    what = f"{_which(which, board)}: its square is {size}: {_UNITS[units_mixed]} are mixed up"
     return Said(what, do=_RERUN)
 
 
 @WORDS.finding(Code.BOARD_SQUARE, "spacing")
 def _board_square_spacing(board: str, gaps: int, spacing: float, drawn_spacing: float) -> Said:
     return Said(
-        f"tags of board {board} are {spacing:.3g} of a tag apart (the target says spacing: "
-        f"{drawn_spacing:g})",
-        f"{plural(gaps, 'gap')} show it",
+        f"the gaps between tags of board {board} are {spacing:.3g} of a tag's side (the target "
+        f"says spacing: {drawn_spacing:g})",
+        f"measured on {plural(gaps, 'gap')}",
         "correct spacing in target.yaml: the gap between two tags divided by the side of a tag",
     )
 
@@ -324,11 +326,11 @@ def _corner_names(
     photos, out = listed(images, "photos"), f"{_ROWS} {pick(images, 'photo', 'photos')} out"
     if case == "all_boards":
         fits = pick(images, "the photo fits", "the photos fit")
-        what = f"{photos}: corners of all boards are named {steps}"
-        return Said(what, f"with that {fits} to {error_px:.2f} px", out)
-    what = f"{photos}: corners of board {board} are named wrongly: {steps}"
+        what = f"{photos}: corners of all boards are misnamed: {steps}"
+        return Said(what, f"once corrected, {fits} to {error_px:.2f} px", out)
+    what = f"{photos}: corners of board {board} are misnamed: {steps}"
     return Said(
-        what, f"with that they are within {error_px:.2f} px of where the rest puts them", out
+        what, f"once corrected, they are within {error_px:.2f} px of where the rest puts them", out
     )
 
 
@@ -350,8 +352,8 @@ def _corner_count(
     return Said(
         listed(seen, "boards"),
         "no photo shows more",
-        f"correct {COUNTS} and run it again (origin too, if it was of a corner that is not there), "
-        "unless something covers the rest in all photos",
+        f"correct {COUNTS} and run again (origin too, if it was that of a missing corner), unless "
+        "something covers the rest in all photos",
     )
 
 
@@ -395,10 +397,10 @@ def _corner_count_markers(
         things, of = "markers", " of inner corners"
         say = f"corners: [{columns}, {rows}] and first_square: {first_square}"
     return Said(
-        f"the {things} of board {board} lie as on one of {columns} columns{of}, {rows} rows of "
-        f"which are seen (the target says {drawn_columns}x{drawn_rows})",
+        f"the {things} of board {board} are laid out in {columns} columns{of}, of which {rows} "
+        f"rows are seen (the target says {drawn_columns}x{drawn_rows})",
         f"with that, {markers} markers of a photo agree on where the board is",
-        f"say {say} for it in target.yaml, with more rows if no photo shows all",
+        f"set {say} for it in target.yaml, with more rows if no photo shows all",
     )
 
 
@@ -420,10 +422,10 @@ def _mirrored_colours(case: str, board: str, first_square: Colour, other: str) -
     if case == "colours_in_mirror":
         photos, mirror = "are not mirrored", f"if photos are not mirrored, {_NOT_MIRRORED}"
     return Said(
-        f"board {board} is light where the target says that it is dark: first_square is not "
+        f"board {board} is light where the target says dark: first_square is not "
         f"{first_square}, or photos {photos}",
-        "photos that show it whole say so; its corners are named by the colours seen",
-        f"write first_square: {other} into target.yaml, or {mirror}; the lens is the same",
+        "seen in photos that show it whole; its corners are named by the colours seen",
+        f"set first_square: {other} in target.yaml, or {mirror}; the lens does not depend on it",
     )
 
 
@@ -438,7 +440,7 @@ def _markers_printed(
     boards: Names, printed: Printed, light: bool, first_square: Colour, corners: int
 ) -> Said:
     colours = f"are {pick(light, 'light on dark', 'dark on light')}"
-    inverted = f"say inverted: {pick(light, 'true', 'false')} and first_square: {first_square} for "
+    inverted = f"set inverted: {pick(light, 'true', 'false')} and first_square: {first_square} for "
     inverted += f"{pick(boards, 'it', 'them')} in target.yaml"
     mirrored = f"{_AS_MADE}, or {MIRROR}"
     seen: Mapping[Printed, tuple[str, str]] = {
@@ -472,24 +474,24 @@ def _where(where: Where, images: Names, rest: Names) -> str:
 def _two_lenses(
     focal_off: float, x_px: float, y_px: float, where: Where, images: Names, rest: Names
 ) -> Said:
-    what = f"photos of two cameras or zooms are mixed: the focal length is {percent(focal_off)} and"
-    what += f" the centre off by ({x_px:+.1f}, {y_px:+.1f}) px {_where(where, images, rest)}"
-    return Said(what, do="calibrate each camera by itself")
+    off = f"{percent(focal_off)} and the centre by ({x_px:+.1f}, {y_px:+.1f}) px"
+    what = f"photos of two cameras or zooms are mixed: the focal length differs by {off}"
+    return Said(f"{what} {_where(where, images, rest)}", do="calibrate each camera separately")
 
 
 @WORDS.finding(Code.ZOOM)
 def _zoom(focal_off: float, where: Where, images: Names, rest: Names) -> Said:
     return Said(
-        f"the focal length is {percent(focal_off)} {_where(where, images, rest)}: zoom or focus "
-        "changed, or photos of two cameras are mixed",
-        do="calibrate each setting and camera by itself, with zoom and focus locked",
+        f"the focal length differs by {percent(focal_off)} {_where(where, images, rest)}: zoom or "
+        "focus changed, or photos of two cameras are mixed",
+        do="calibrate each setting and camera separately, with zoom and focus locked",
     )
 
 
 @WORDS.finding(Code.SCALED)
 def _scaled(scale: str, where: Where, images: Names, rest: Names) -> Said:
     what = f"photos seem scaled by {scale} {_where(where, images, rest)}"
-    return Said(what, do="use all photos at the size at which the sensor made them")
+    return Said(what, do="use all photos at their original size")
 
 
 @WORDS.finding(Code.SHIFTED)
@@ -497,31 +499,31 @@ def _shifted(
     x_px: float, y_px: float, where: Where, images: Names, rest: Names, in_order: bool
 ) -> Said:
     why = (
-        "the lens was bumped or moved, or photos from there on are another camera's or cropped"
+        "the lens was bumped or moved, or photos from there on are from another camera or cropped"
         if in_order
-        else "photos of two cameras of one kind are mixed, or some were cropped (a lens that was "
-        "bumped would be off in all photos after that)"
+        else "photos of two cameras of the same model are mixed, or some were cropped (a bumped "
+        "lens would be off in all later photos)"
     )
     there = _where(where, images, rest)
     return Said(
         f"the lens's centre is off by ({x_px:+.1f}, {y_px:+.1f}) px {there}: {why}",
-        do="calibrate these photos and the others each by themselves, or use uncropped ones",
+        do="calibrate these photos and the others separately, or use uncropped ones",
     )
 
 
 @WORDS.finding(Code.TURNED)
 def _turned(where: Where, images: Names, rest: Names) -> Said:
     what = f"the picture seems turned by 180° {_where(where, images, rest)}: the lens's centre is "
-    do = "save photos as the sensor made them (EXIF rotation off), and calibrate again"
+    do = "save the photos unrotated (EXIF rotation off), and calibrate again"
     return Said(f"{what}on the other side", do=do)
 
 
 @WORDS.finding(Code.PHOTO_LENS)
 def _photo_lens(images: Names, size_px: float, share: float, worst: str) -> Said:
     return Said(
-        f"{listed(images, 'photos')} {pick(images, 'was', 'were')} taken otherwise than the other "
-        f"photos, which moves corners by {size_px:.2f} px (RMS): with another zoom, focus or "
-        "camera, or cropped, or while camera or target moved (rolling shutter)",
+        f"{listed(images, 'photos')} {pick(images, 'differs', 'differ')} from the other photos by "
+        f"{size_px:.2f} px (RMS): otherwise zoomed, focused or cropped, or camera or target moved "
+        "(rolling shutter)",
         f"this explains {whole(share)} of the squared error of {pick(images, 'it', worst)}",
         f"leave {pick(images, 'this photo', 'these photos')} out, and look at what was different",
     )
@@ -531,8 +533,8 @@ def _photo_lens(images: Names, size_px: float, share: float, worst: str) -> Said
 def _photo_lens_left_out(images: Names, others: int, noise_px: float) -> Said:
     them = pick(images, "it", "them")
     return Said(
-        f"{listed(images, 'photos')} {pick(images, 'does', 'do')} not go with the other {others} "
-        "photos: zoom or camera is another one, or the photos were cropped, or the target moved",
+        f"{listed(images, 'photos')} {pick(images, 'does', 'do')} not match the other "
+        f"{plural(others, 'photo')}: another zoom or camera, cropping, or the target moved",
         f"without {them} the others fit to {noise_px:.2g} px",
         f"calibrate without {them}",
     )
@@ -544,8 +546,8 @@ def _repeats(photos: int, distinct: int, repeats: Names) -> Said:
     alike = [f"{copy} is a near-duplicate of {first}" for first, copy in pairs]
     return Said(
         f"{listed(alike, 'near-duplicates')}",
-        f"{photos} photos count as {distinct}; the held-out error leaves near-duplicates out "
-        "together",
+        f"{plural(photos, 'photo')}, {distinct} different; the held-out error leaves "
+        "near-duplicates out together",
         "take photos from other places instead",
     )
 
@@ -553,7 +555,7 @@ def _repeats(photos: int, distinct: int, repeats: Names) -> Said:
 @WORDS.finding(Code.ONE_PLACE)
 def _one_place(photos: int, near: float) -> Said:
     return Said(
-        f"all {photos} photos were taken from nearly the same place, and say little more than one",
+        f"all {photos} photos were taken from nearly the same place, and add little to one",
         f"in all of them the target lies in the same place of the picture, to {whole(near)} of its "
         "size",
         "take photos from different sides, near and far, tilted, with the target in every part of "

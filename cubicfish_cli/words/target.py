@@ -22,7 +22,7 @@ _FINEST_MM, _LARGEST_MM = 0.2, 2000.0
 def advise(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
     """Return (topic, text) of each piece of advice, in order."""
     crossing = (
-        f"The prints of {one} and {other} reach into each other: check origin and axes."
+        f"The prints of {one} and {other} overlap: check origin and axes."
         for one, other in facts.crossing[:_MOST]
     )
     return [
@@ -37,8 +37,8 @@ def how_many_photos(*, flat: bool) -> str:
     """Return how many photos such a target needs."""
     if flat:
         return (
-            "The target is flat, and one photo of a flat board cannot determine a lens: take five "
-            "or more, tilted to all sides and filling the picture to the rim."
+            "The target is flat, and one photo of a flat board cannot determine a lens: take ten, "
+            "tilted to all sides and filling the picture to the rim."
         )
     return (
         "One photo can be enough, if it shows boards at an angle and fills the picture to the rim. "
@@ -54,7 +54,7 @@ def _advise_on_names(target: Target, facts: ObjectFacts) -> Iterator[str]:
             "where they are."
         )
     elif facts.named_by == "markers":
-        yield "The markers' ids name the corners: nothing can be mixed up."
+        yield "The markers' ids name the corners: nothing can be confused."
         if plain:
             yield (
                 f"{', '.join(plain)}, without markers, {pick(plain, 'is', 'are')} found where a "
@@ -75,13 +75,13 @@ def _advise_on_turns(target: Target, facts: ObjectFacts) -> Iterator[str]:
         if alone and oblong:
             upright = "its longer side runs to the right or down"
         yield (
-            "Its corners may be named in either way, which is harmless for the lens. The way that "
-            f"is most upright in the photo is taken: {upright}."
+            "Its corners may be named either way; the lens does not depend on it. The more upright "
+            f"way in the photo is used: {upright}."
         )
     elif alone:
         yield (
             f"The colours of its squares tell which way round {facts.plain[0]} is: nothing can be "
-            "mixed up when it is seen whole."
+            "confused when it is seen whole."
         )
 
 
@@ -92,7 +92,7 @@ def _advise_on_look_alikes(look_alikes: Sequence[Sequence[str]]) -> str:
     if not alike:
         return "In photos each board, seen whole, is told from the others by its size and colours."
     return (
-        f"Seen without the rest, {'; '.join(alike)}. A photo that leaves more than one way to name "
+        f"Seen alone, {'; '.join(alike)}. A photo that leaves more than one way to name "
         "corners is left out, and nothing is guessed: take photos of several boards at once."
     )
 
@@ -106,7 +106,7 @@ def _advise_on_sizes(target: Target) -> Iterator[str]:
             size = pick(side < _FINEST_MM, "small", "large")
             yield (
                 f"A square of {board.name}, {board.square:g} {target.units}, is very {size}: is "
-                "this length in the unit that units names?"
+                "it given in the unit that units names?"
             )
 
 
@@ -121,4 +121,4 @@ def _describe_turns(facts: ObjectFacts) -> Iterator[str]:
         yield f"Turned by {turn.angle_deg:.0f}° about {about} {same} looks the same."
     more = len(facts.symmetries) - _MOST
     if more > 0:
-        yield f"So it does after {more} more turns."
+        yield f"{more} more turns look the same, too."

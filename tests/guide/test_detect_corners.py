@@ -102,11 +102,11 @@ def test_photos_that_are_turned_are_told_from_photos_of_another_size(folder, tar
         (Code.OTHER_SIZE, ""), (Code.OTHER_SIZE, "turned"), (Code.OTHER_SIZE, "turned")
     ]  # fmt: skip
     assert remark_lines(refused) == [
-        f"x.png: {width // 2}x{height // 2} pixels, where most photos are {width}x{height}: "
-        "calibrate each size by itself",
-        f"2 photos (y.png and z.png): {height}x{width} pixels, where most photos are "
-        f"{width}x{height}: the same size turned by 90° (portrait and landscape); photos are used "
-        "as the sensor made them: save without rotation, or calibrate such photos by themselves",
+        f"x.png: {width // 2}x{height // 2} pixels, while most photos are {width}x{height}: "
+        "calibrate each size separately",
+        f"2 photos (y.png and z.png): {height}x{width} pixels, while most photos are "
+        f"{width}x{height}: the same size turned by 90° (portrait and landscape); EXIF "
+        "rotation is ignored: save the photos unrotated, or calibrate these separately",
     ]
 
 

@@ -758,7 +758,7 @@ def test_corners_that_cannot_be_fitted_to_are_refused(
         UsageError, lambda: calibrate(corners, target, refine_target=unknown)
     )
     few = Observations.from_points([pairs.world[:9]], [pairs.pixel[:9]], (960, 720))
-    assert "9 corners are too few" in refusal(FitError, lambda: calibrate(few))
+    assert "9 points in 1 photo are too few" in refusal(FitError, lambda: calibrate(few))
     middle = Observations.from_points([pairs.world[:99]], [np.zeros((99, 2))], (1, 1))
     assert "enough corners to be placed" in refusal(FitError, lambda: calibrate(middle))
     small = Observations.from_points([pairs.world[:9]], [pairs.pixel[:9] / 10], (96, 72))

@@ -101,14 +101,14 @@ def test_a_board_that_is_inverted_is_told_by_its_key(tmp_path):
     (finding,) = detection.findings
     assert (finding.code, finding.boards) == ("inverted", ("front0",))
     assert "are light on dark" in render(finding).what
-    assert "say inverted: true and first_square: light for it in target.yaml" in render(finding).do
+    assert "set inverted: true and first_square: light for it in target.yaml" in render(finding).do
 
 
 @pytest.mark.slow
 def test_a_board_that_is_not_inverted_is_reported_too(tmp_path):
     target = Target(units="mm", boards=INVERTED.boards[:1])
     only = Target(units="mm", boards=PLAIN.boards[:1])
-    with raises_told(DetectionError, r"dark on light .* say inverted: false and first_sq"):
+    with raises_told(DetectionError, r"dark on light .* set inverted: false and first_sq"):
         first_pass(photos_of(tmp_path, photo_of(only)), [target], Work(jobs=1))
 
 

@@ -90,15 +90,15 @@ def test_an_object_that_is_not_mirrored_is_reported_to_be_so():
     identified = name_grids(grids, shown, IMAGE_SIZE, names(len(grids)))
     (finding,) = find_wrong_layout(grid_evidence(identified, shown))
     assert render(finding).what == "no photo is mirrored"
-    assert render(finding).do == "take mirrored: true out of target.yaml"
+    assert render(finding).do == "remove mirrored: true from target.yaml"
 
 
 @pytest.mark.parametrize(
     ("said", "mirrored", "shown", "reported"),
     [
-        ("dark", False, "light", "write first_square: light"),
-        ("light", False, "dark", "write first_square: dark"),
-        ("dark", True, "dark", "write first_square: light"),
+        ("dark", False, "light", "set first_square: light"),
+        ("light", False, "dark", "set first_square: dark"),
+        ("dark", True, "dark", "set first_square: light"),
     ],
 )
 def test_the_note_about_colours_says_what_to_write(tmp_path, said, mirrored, shown, reported):
@@ -117,7 +117,7 @@ def test_the_note_about_colours_says_what_to_write(tmp_path, said, mirrored, sho
     (finding,) = detection.findings
     assert finding.severity == "note"
     assert render(finding).do.startswith(reported)
-    assert ("take mirrored: true out" in render(finding).do) == mirrored
+    assert ("remove mirrored: true" in render(finding).do) == mirrored
     assert f"first_square is not {said}" in render(finding).what
 
 

@@ -40,7 +40,7 @@ def python_block(page: str, word: str) -> str:
 def command_lines(text: str) -> list[list[str]]:
     """Every use of cubicfish in the shell blocks, as its arguments."""
     lines = []
-    for line in "\n".join(blocks("sh", text)).splitlines():
+    for line in "\n".join(blocks("sh", text)).replace("\\\n", " ").splitlines():
         for part in re.split(r"&&|\|", line):
             words = shlex.split(part)
             if words and Path(words[0]).name == "cubicfish":

@@ -221,7 +221,7 @@ def snap(
     shows within ``travel`` pixels (N,), where the next corners are ``near`` pixels (N,) away.
     """
     pixel, found = start.copy(), np.zeros(len(start), bool)
-    if len(free):
+    if len(free) and len(start):
         _, index = nearest(start, free, 4)
         place = free.points[index]
         away = fit.cells_away(place - (start - fit.pixel)[:, None])

@@ -161,9 +161,18 @@ class BoardLattice(CornerMap):
         return np.asarray((seen * share[:, :, None]).sum(axis=1), float)
 
     def refined(
-        self, pyramid: Pyramid, cells: IntArray, pixel: FloatArray, fit: LocalFit
+        self,
+        pyramid: Pyramid,
+        cells: IntArray,
+        pixel: FloatArray,
+        fit: LocalFit,
+        *,
+        roughly: bool = False,
     ) -> tuple[FloatArray, BoolArray]:
-        """Sub-pixel positions near (N, 2) pixels and which of them are whole corners."""
+        """Sub-pixel positions near (N, 2) pixels and which of them are whole corners.
+
+        ``roughly`` is enough while a board grows.
+        """
         quiet = min(1.0, self.quiet / _WINDOW_CELLS)
         # Small squares: a window must hold enough pixels, even if a marker's rim enters it.
         scale = np.clip(_SMALLEST_CELL_PX / np.maximum(fit.side, 1e-6), quiet, 1.0)
@@ -175,6 +184,7 @@ class BoardLattice(CornerMap):
             sign,
             fit.bend * np.square(scale)[:, None, None],
             self.quiet / scale,
+            roughly=roughly,
         )
         rows = np.nonzero(good)[0]
         good[rows] = self._are_arms_seen(pyramid, refined[rows], sign[rows], fit.select(rows))
@@ -226,11 +236,14 @@ def try_cells(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray, free: Tr
     cells, fit = _predict(pyramid, lattice, cells)
     if not len(cells):
         return False
-    pixel, good = lattice.refined(pyramid, cells, fit.pixel, fit)
+    pixel, good = lattice.refined(pyramid, cells, fit.pixel, fit, roughly=True)
     # Where the prediction is too far off, the nearest saddle is the next best start.
-    start, found = snap_named(pyramid, lattice, fit.pixel, fit, free)
-    rows = np.nonzero(found & ~good)[0]
-    pixel[rows], good[rows] = lattice.refined(pyramid, cells[rows], start[rows], fit.select(rows))
+    rows = np.flatnonzero(~good)
+    start, found = snap_named(pyramid, lattice, fit.pixel[rows], fit.select(rows), free)
+    rows, start = rows[found], start[found]
+    pixel[rows], good[rows] = lattice.refined(
+        pyramid, cells[rows], start, fit.select(rows), roughly=True
+    )
     return _put_good(lattice, cells, pixel, good, fit)
 
 
@@ -251,7 +264,7 @@ def _try_corners_near(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray) 
     if not len(rows):
         return False
     cells, fit = cells[rows], fit.select(rows)
-    pixel, good = lattice.refined(pyramid, cells, start, fit)
+    pixel, good = lattice.refined(pyramid, cells, start, fit, roughly=True)
     return _put_good(lattice, cells, pixel, good, fit)
 
 

@@ -23,7 +23,7 @@ SMOOTHING = 0.5
 # some pixels then fit into squares, margins of markers and modules half as large.
 CLOSE = 0.5
 # Noise is estimated from about so many places: to half a percent.
-_NOISE_SAMPLES = 15_000
+_NOISE_SAMPLES = 60_000
 # cv2.remap takes no more columns than fit a short; fewer stay in the processor's cache.
 _MOST_COLUMNS = 4_000
 

@@ -139,8 +139,7 @@ def _cross(
         found.replace(rows, crossings(rows=rows, gap=usual))
         odd = np.abs(found.gap[rows] - usual.mean) > _ODD_GAP * usual.spread
         found.ok[rows[odd]] = False
-    if not roughly:
-        _lean_on_saddles(image, found, half)
+    _lean_on_saddles(image, found, half)
     return found
 
 
@@ -218,6 +217,8 @@ def refine_corners(
     sign: IntArray,
     bends: FloatArray,
     quiet: FloatArray | None = None,
+    *,
+    roughly: bool = False,
 ) -> tuple[FloatArray, BoolArray]:
     """Move predicted corners to where the photo has them, and tell which are really there.
 
@@ -231,6 +232,7 @@ def refine_corners(
             dark.
         bends: (N, 2, 3) second derivatives d2p/di2, d2p/didj, d2p/dj2.
         quiet: (N,) how far from both of its edges a bright square is clean, steps; None: wholly.
+        roughly: whether their places only need to be good enough to predict others.
 
     Returns:
         (N, 2) refined pixels (the prediction itself where not ok) and (N,) ok.
@@ -254,7 +256,7 @@ def refine_corners(
     seen = sign[rows]
     clean = None if quiet is None else Quiet(sign=seen, steps=quiet[rows])
     start = find_start(pyramid, pixel[rows], fit.side)
-    found = refine_pixels(pyramid, start, fit, clean)
+    found = refine_pixels(pyramid, start, fit, clean, roughly=roughly)
     _, index = nearest(pixel[rows], pixel[rows], 12)
     ok = whole_corners(
         found,

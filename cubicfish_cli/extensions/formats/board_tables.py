@@ -197,14 +197,16 @@ def _name_corners(
 def _find_cells(path: Path, target: Target, board: int, place: FloatArray) -> Any:
     """Return columns and rows of places on the board, in the file's own unit."""
     one = target.boards[board]
+    if not len(place):
+        return np.zeros((2, 0), np.intp)
     cells, counts = [], []
     for along in place.T:
         steps = np.diff(np.unique(along))
         # Whatever their last digits are, equal places are one.
         square = np.min(steps[steps > _SAME * np.ptp(along)], initial=np.inf)
         cell = along / square if len(steps) else along
-        is_grid = len(cell) and (np.abs(cell - np.clip(np.round(cell), 0, _MOST)) < _NEAR).all()
-        cells.append((np.round(cell) if is_grid else 0 * cell).astype(np.intp))
+        is_grid = (np.abs(cell - np.clip(np.round(cell), 0, _MOST)) < _NEAR).all()
+        cells.append((np.round(cell) if is_grid else np.zeros_like(cell)).astype(np.intp))
         counts.append(int(cells[-1].max()) + 1 if is_grid else 0)
     if counts != [one.columns, one.rows]:
         what = "{}x{} corners".format(*counts) if all(counts) else "no even grid"
@@ -245,7 +247,7 @@ def read_mat(path: Path) -> dict[str, FloatArray]:
             if number == MAX_ARRAYS:
                 raise CorrespondenceError(f"{path} holds more than {MAX_ARRAYS:,} arrays")
             values |= _read_array(element, order)
-    except (struct.error, zlib.error, ValueError, KeyError, UnicodeDecodeError) as problem:
+    except (struct.error, zlib.error, ValueError, LookupError) as problem:
         if isinstance(problem, CorrespondenceError):
             raise
         raise CorrespondenceError(f"{path} is damaged: was it copied whole?") from problem

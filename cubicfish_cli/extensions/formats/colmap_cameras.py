@@ -97,7 +97,7 @@ class RadTanThinPrismLens(ThetaLens):
 
     the pixel is f · ((a, b) + T) + c.
 
-    T follows a tilted axis too, so this lens keeps the camera's own frame.
+    T follows a tilted axis too: the lens is fitted together with its frame.
 
     Attributes:
         shifts_bent: whether T is of (a, b), and not of (u, v) (of the class).
@@ -111,6 +111,7 @@ class RadTanThinPrismLens(ThetaLens):
     name = "rad_tan_thin_prism_fisheye"
     label = "radial, tangential, thin prism fisheye"
     symmetric = False
+    tilts = True
     shifts_bent: ClassVar[bool] = True
     skew: ClassVar[float] = 0.0
 

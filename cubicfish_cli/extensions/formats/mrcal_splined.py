@@ -111,7 +111,7 @@ class SplinedLens(FocalLens):
             ny = math.ceil(intervals * half_y / edge_x * (1 + 1e-9)) + _ORDER
             if best is not None and 2 * nx * ny > len(u):
                 break  # more control points than the rays can tell apart
-            control, error = _fit_surfaces(u, bend, nx, ny, fov_x_deg)
+            control, error = fit_surfaces(u, bend, nx, ny, fov_x_deg)
             largest = float(np.abs(error * focal).max())
             if best is None or largest < best[0]:
                 best = largest, control
@@ -165,7 +165,7 @@ def _compute_weights(
     return first, np.stack([(0.5 - x) ** 2, 1.5 - 2 * x * x, (0.5 + x) ** 2], axis=-1) / 2
 
 
-def _fit_surfaces(
+def fit_surfaces(
     u: FloatArray, bend: FloatArray, nx: int, ny: int, fov_x_deg: float
 ) -> tuple[FloatArray, FloatArray]:
     """Fit control points (Ny, Nx, 2) to Δ = ``bend`` (N, 2) at u; also return the rest (N, 2)."""

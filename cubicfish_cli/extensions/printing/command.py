@@ -17,7 +17,7 @@ from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import COUNTS, as_command, option, record
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_message, print_table, result
-from cubicfish_cli.words.phrases import plural
+from cubicfish_cli.words.phrases import plural, shell_line
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.printing.layout import Page
@@ -234,7 +234,5 @@ def command(made: PrintedFiles, given: PrintOptions, how: How) -> None:
         "page', and check the printed rulers with a real one."
     )
     if "target" in outputs:
-        print_message(
-            "Take photos that fill the picture to the rim, then: cubicfish calibrate photos/ "
-            f"--target {outputs['target']}"
-        )
+        then = shell_line("cubicfish", "calibrate", "photos/", "--target", outputs["target"])
+        print_message(f"Take photos that fill the picture to the rim, then: {then}")

@@ -38,6 +38,8 @@ _STYLE: dict[Any, Any] = {
 _SIGN, _RULER_START, _RULER = 5.5, 12.0, 100
 _RULER_LINE, _LINES = 4.4, (7.2, 9.6, 12.0)
 _BESIDE_CUT = 1.6
+# White that the other ruler needs beside the board, and length of its words.
+_CROSS_ROOM, _LETTERS = 4.0, 10.0
 
 
 def write_boards(path: Path, pages: Sequence[Page]) -> None:
@@ -71,6 +73,7 @@ def _draw(page: Page, number: str) -> Figure:
     for side, cut in page.cuts.items():
         _draw_cut(axes, page, side, cut)
     _draw_strip(axes, page, number)
+    _draw_cross_ruler(axes, page)
     return figure
 
 
@@ -83,14 +86,14 @@ def ink_rectangles(board: Board) -> FloatArray:
 
 
 def _draw_cut(axes: Axes, page: Page, side: Side, cut: Cut) -> None:
-    """Draw a line to cut along, and beyond it the board that the edge meets."""
+    """Draw a line to cut along, and before it, on what is kept, the board that the edge meets."""
     words = f"cut here: this edge meets the {cut.side} edge of {cut.board}"
-    beyond = cut.place + (-_BESIDE_CUT if side in ("left", "top") else _BESIDE_CUT + 2.2)
+    within = cut.place + (_BESIDE_CUT + 2.2 if side in ("left", "top") else -_BESIDE_CUT)
     upright = side in ("left", "right")
     draw_line = axes.axvline if upright else axes.axhline
     draw_line(cut.place, color="grey", linewidth=0.15 / _POINT, linestyle=(0, (20, 10)))
     length = page.height if upright else page.width
-    at = (beyond, length / 2) if upright else (length / 2, beyond)
+    at = (within, length / 2) if upright else (length / 2, within)
     text = axes.text(*at, words, ha="center", rotation=90.0 * upright, rotation_mode="anchor")
     _fit(text, 2.6, 0.8 * length)
 
@@ -132,6 +135,56 @@ def _draw_strip(axes: Axes, page: Page, number: str) -> None:
         write(_RULER_START, across, words, page.length - _RULER_START)
 
 
+def _draw_cross_ruler(axes: Axes, page: Page) -> None:
+    """Draw a ruler at right angles to the strip's, in the white beside the board.
+
+    A printer may stretch one way and not the other.
+    """
+    across = int(page.turned)
+    sides: tuple[tuple[Side, Side], ...] = (("left", "right"), ("top", "bottom"))
+    size, inset = (page.width, page.height), page.strip[across]
+    face = board_face(page.board, margin=0.0)
+    inks = [np.add(one, page.shift) for one in (face.lower, face.upper)]
+
+    def limits(axis: int, low: float, high: float) -> tuple[float, float]:
+        first, last = (page.cuts.get(side) for side in sides[axis])
+        return first.place if first else low, last.place if last else high
+
+    low, high = limits(across, inset, inset + page.length)
+    start, stop = limits(1 - across, inset, size[1 - across] - inset)
+    strip = page.strip[1 - across]
+    start, stop = (start, strip) if strip > size[1 - across] / 2 else (strip + STRIP, stop)
+    length = min(_RULER, 10 * int((stop - start - _LETTERS) / 10))
+    bands = [
+        # Beside a cut stand words.
+        (room >= _CROSS_ROOM and side not in page.cuts, room, edge, inwards)
+        for side, room, edge, inwards in zip(
+            sides[across],
+            (inks[0][across] - low, high - inks[1][across]),
+            (low, high),
+            (1.0, -1.0),
+            strict=True,
+        )
+    ]
+    _, room, edge, inwards = max(bands)
+    if room < _CROSS_ROOM or length < 10:
+        return
+    tick = np.arange(length + 1)
+    ends = edge + inwards * np.select([tick % 10 == 0, tick % 5 == 0], [2.4, 1.8], 1.2)
+    draw = axes.hlines if across == 0 else axes.vlines
+    low_ends, high_ends = np.minimum(edge, ends), np.maximum(edge, ends)
+    draw(start + tick, low_ends, high_ends, color="black", linewidth=0.12 / _POINT)
+    at = (edge + inwards * 1.2, start + length + 0.5 * _LETTERS)
+    axes.text(
+        *(at if across == 0 else at[::-1]),
+        f"{length} mm",
+        fontsize=1.8 / _POINT,
+        ha="center",
+        va="center",
+        rotation=90.0 * (across == 0),
+    )
+
+
 def _fit(text: Text, size: float, room: float) -> None:
     """Make letters ``size`` millimetres high, or as small as makes them at most ``room`` long."""
     text.set_fontsize(size / _POINT)
@@ -154,6 +207,6 @@ def _write_words(board: Board, number: str) -> tuple[str, str, str]:
     return (
         f"{board.name}: {board.kind}, {what}",
         f"corner (0, 0) is the top-left {origin}",
-        f"print at 100 %, no scaling: the ruler must measure 100 mm; cubicfish {__version__}, "
-        f"{number}",
+        "print at 100 %, no scaling: the rulers along x and y must measure what they say; "
+        f"cubicfish {__version__}, {number}",
     )

@@ -65,10 +65,12 @@ def export_rig_files(options: RigExportOptions, *, run: Run = Run()) -> Exported
     """
     from cubicfish import load_rig
     from cubicfish_cli.commands.export import ExportedFiles
-    from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, printed
+    from cubicfish_cli.commands.exporting import FAR, export_camera
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
+    from cubicfish_cli.words.export import printed
 
-    max_error = MAX_ERROR if options.max_error is None else options.max_error
+    if options.to is None:
+        raise UsageError("what is to be written? Name a format with --to")
     known = load_rig(options.rig)
     chosen = known.cameras if options.pair is None else tuple(map(known.camera, options.pair))
     to, write_as = options.to, _find_format(options.to, known)
@@ -76,7 +78,13 @@ def export_rig_files(options: RigExportOptions, *, run: Run = Run()) -> Exported
     goal, made = Path(options.output or write_as.rig_name), []
     for one in chosen:
         try:
-            own = export_camera(one, to, max_error=max_error, max_angle_deg=options.max_angle_deg)
+            own = export_camera(
+                one,
+                to,
+                max_error=options.max_error,
+                max_angle_deg=options.max_angle_deg,
+                distance=FAR,
+            )
         except FitError as problem:
             raise problem.amid(f"camera {one.name}: ") from problem
         made.append((one, own))
@@ -87,9 +95,9 @@ def export_rig_files(options: RigExportOptions, *, run: Run = Run()) -> Exported
     written = write_files(texts, overwrite=run.overwrite, folder=goal)
     lines: list[str] = []
     for one, lens in made:
-        lines.append(f"{one.name}: {lens.note[1]}")
+        lines += [f"{one.name}: {lens.cost()}", f"  {lens.note[1]}"]
         lines += [f"  {printed(line, *texts.values())}" for line in lens.note[2:]]
-    warnings = [(one.name, lens.warning(max_error)) for one, lens in made]
+    warnings = [(one.name, lens.warning) for one, lens in made]
     records = [{"name": one.name, **lens.as_record()} for one, lens in made]
     return ExportedFiles(
         files=written,

@@ -15,8 +15,8 @@ WORDS = Words()
 Names = Sequence[str]
 
 _HOLD_STILL = (
-    "hold rig and target still for a second at each shot, or trigger the cameras together; where "
-    "there are films, give the films themselves: how far their clocks differ is fitted"
+    "hold rig and target still for a second at each shot, or trigger the cameras together; if "
+    "there are films, give the films themselves, so that their clock offset is fitted"
 )
 
 
@@ -40,10 +40,10 @@ def _all(cameras: Names) -> str:
 @WORDS.finding(Code.SHOT_MISMATCHED)
 def _shot_mismatched(cameras: Names, of_shots: Names, off_px: float) -> Said:
     return Said(
-        f"{of_shots[0]} of camera {cameras[0]} is not of the shot that it is matched to, and took "
-        "part as a shot of its own",
-        f"its corners are {off_px:.0f} px off there, while alone it fits",
-        "match it rightly, or leave it out",
+        f"{of_shots[0]} of camera {cameras[0]} does not belong to the shot it is matched to, and "
+        "was used as a shot of its own",
+        f"its corners are {off_px:.0f} px off there, but fit alone",
+        "correct the match, or leave it out",
     )
 
 
@@ -61,17 +61,17 @@ def _camera_moved(
     part: Part,
     photos: int,
 ) -> Said:
-    several, nothing = plural(photos, "photo"), pick(photos, "says", "say") + " nothing of it"
+    several = f"{plural(photos, 'photo')} {pick(photos, 'does', 'do')} not count for it"
     given: Mapping[Part, str] = {
-        "before": f"that after the move: {several} before it {nothing}",
-        "after": f"that before the move: {several} after it {nothing}",
-        "none": "the mean over all shots, since two places explain them little better",
+        "before": f"that after the move; the earlier {several}",
+        "after": f"that before the move; the later {several}",
+        "none": "the mean over all shots; two places explain them little better",
     }
     return Said(
         f"{_either(cameras, case)} moved on the body by {shift:.2g} {units} and {turn_deg:.2g}° "
         f"about shot {of_shots[0]}",
         f"the place given is {given[part]}",
-        "fasten it, and take the shots again if it stands elsewhere now",
+        "fasten it, and take the shots again if it has moved since",
     )
 
 
@@ -81,31 +81,30 @@ def _clocks_differ(
 ) -> Said:
     apart = f"{late_ms:.1f} ± {sigma_ms:.1f} ms {'earlier' if case == 'ahead' else 'later'}"
     return Said(
-        f"camera {cameras[0]} is {apart} than {cameras[1]}; this is corrected, and uncorrected it "
-        f"would put its corners off by {effect_px:.2g} px",
+        f"camera {cameras[0]} is {apart} than {cameras[1]}; this is corrected (uncorrected it "
+        f"would shift its corners by {effect_px:.2g} px)",
         do="trigger the cameras together if they must see the same moment",
     )
 
 
 @WORDS.finding(Code.NOT_AT_ONCE, "", "either")
 def _not_at_once(case: str, cameras: Names, off_px: float) -> Said:
-    off = f"it is {off_px:.2g} px off, while alone it fits"
+    off = f"it is {off_px:.2g} px off, but fits alone"
     if case == "either":
-        off = f"they are {off_px:.2g} px apart, while each alone fits"
+        off = f"they are {off_px:.2g} px apart, but each fits alone"
     return Said(
-        f"{_either(cameras, case)} does not take its photos at the same moments as the others: the "
-        "cameras are not triggered together, their clocks differ, or shots are matched wrongly",
-        f"in the usual shot {off}",
+        f"{_either(cameras, case)} is out of sync with the others: the cameras are not triggered "
+        "together, their clocks differ, or shots are mismatched",
+        f"in a typical shot {off}",
         _HOLD_STILL,
     )
 
 
 @WORDS.finding(Code.NOT_AT_ONCE, "fitted")
 def _photos_at_own_times(cameras: Names, off_px: float) -> Said:
-    take = pick(cameras, "takes its", "take their")
     return Said(
-        f"{_all(cameras)} {take} photos of a shot at moments of {pick(cameras, 'its', 'their')} "
-        f"own: this moves the corners by {off_px:.2g} px, and a time is fitted for each photo",
+        f"{_all(cameras)} {pick(cameras, 'is', 'are')} not exactly in sync: this shifts corners by "
+        f"{off_px:.2g} px, so a time is fitted for each photo",
         do="hold the board still for a second at each place, or trigger the cameras together",
     )
 
@@ -114,9 +113,9 @@ def _photos_at_own_times(cameras: Names, off_px: float) -> Said:
 def _shot_apart(case: str, cameras: Names, of_shots: Names, off_px: float) -> Said:
     who = f"cameras {listed(cameras, '')}" if case == "either" else f"camera {cameras[0]}"
     return Said(
-        f"{who} {pick(cameras, 'does', 'do')} not go with the rest of shot {of_shots[0]} "
+        f"{who} {pick(cameras, 'does', 'do')} not match the rest of shot {of_shots[0]} "
         f"({off_px:.2g} px off, far more than in other shots)",
-        do="leave that shot out if something moved in it or its photos are of different moments",
+        do="leave that shot out if something moved in it, or its photos are of different moments",
     )
 
 
@@ -126,8 +125,8 @@ def _rig_strained(cameras: Names, rms_px: float, alone_px: float) -> Said:
     alone = f"{alone_px:.2f} px {pick(cameras, 'alone', 'individually')}"
     return Said(
         f"{_all(cameras)} {pick(cameras, 'is', 'are')} off by {off}, {alone}",
-        do="check that nothing moves on the body, that photos of a shot are of one moment, and "
-        "that the target is rigid",
+        do="check that nothing moves on the body, that photos of a shot were taken at the same "
+        "moment, and that the target is rigid",
     )
 
 
@@ -152,12 +151,12 @@ def _few_common_shots(cameras: Names, shots: float, wanted: float) -> Said:
 
 @WORDS.event(Event.MOMENTS)
 def _moments(moments: int) -> str:
-    return f"{plural(moments, 'moment')} of the films are searched for boards."
+    return f"Searching {plural(moments, 'moment')} of the films for boards."
 
 
 @WORDS.event(Event.SHOTS_CHOSEN)
 def _shots_chosen(chosen: int, shots: int, ended: str) -> str:
-    return f"{plural(chosen, 'shot')} of {shots} chosen, which add most ({ended})."
+    return f"Chose the {chosen} most useful of {plural(shots, 'shot')} ({ended})."
 
 
 @WORDS.event(Event.CLOCK)
@@ -172,15 +171,15 @@ def _clock(name: str, by_ms: float, ahead: bool, first: str) -> str:
 @WORDS.event(Event.CLOCK_UNSURE)
 def _clock_unsure(name: str, first: str, apart_s: float) -> str:
     return (
-        f"note: it is not known how far the clock of {name} is from that of {first}: both films "
-        f"move in a steady rhythm and are alike again {apart_s:.1f} s later. Their clocks are used "
-        "as they are; if these differ, film again with pauses of different lengths."
+        f"note: the clock offset between {name} and {first} is not known: both films move in a "
+        f"steady rhythm that repeats after {apart_s:.1f} s. Clocks are used as they are; if they "
+        "differ, film again with pauses of different lengths."
     )
 
 
 @WORDS.event(Event.MEASURED_AS_DRAWN)
 def _measured_as_drawn(refined: Any) -> str:
     return (
-        "note: the rig was fitted to this target as it truly is, and errors on it as drawn are "
-        f"larger: '--target {refined}' measures the rig alone."
+        "note: the rig was fitted to the refined target, and errors on the drawn one are larger: "
+        f"'--target {refined}' measures the rig alone."
     )

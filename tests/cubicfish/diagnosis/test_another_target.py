@@ -10,7 +10,6 @@ from cubicfish.find.identification.identified import Decided, GridReport, Identi
 from cubicfish.judge.codes import Code
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
-from cubicfish_cli.words.sentences import render
 
 LARGE = Target(
     units="mm",
@@ -47,10 +46,7 @@ def test_one_grid_in_all_photos_that_is_no_board(size):
     verdict = Decided.TOO_LARGE if max(size) > 9 else Decided.SLIDE
     (said,) = nothing_named(grid_evidence(identified(*[(report(size, verdict),)] * 5), LARGE))
     assert said.code == Code.ANOTHER_TARGET
-    assert render(said).what == (
-        f"5 photos show grids of {max(size)}x{min(size)} (in 5) inner corners, but the target has "
-        "boards of another size (floor 9x7, wall 8x6)"
-    )
+    assert said.figures["seen"] == f"{max(size)}x{min(size)} (in 5)"
 
 
 def test_parts_of_boards_are_not_another_object():
@@ -58,7 +54,6 @@ def test_parts_of_boards_are_not_another_object():
     photos = [(report((6, number), Decided.SLIDE),) for number in (3, 4, 5, 6)]
     (said,) = nothing_named(grid_evidence(identified(*photos), LARGE))
     assert (said.code, said.figures["why"]) == (Code.NOTHING_NAMED, Code.SLIDES)
-    assert "take photos that show two boards, or a board with its ends" in render(said).do
 
 
 def test_boards_alike_are_wanted_together():
@@ -84,10 +79,7 @@ def test_a_lone_board_that_is_off_by_more_than_a_line_is_another_one(size, wrong
     assert len(found) == wrong
     for said in found:
         assert said.code == Code.ANOTHER_TARGET
-        assert render(said).what == (
-            f"3 photos show grids of {size[0]}x{size[1]} (in 3) inner corners, but the target has "
-            "one board of another size (b 9x7)"
-        )
+        assert said.figures["seen"] == f"{size[0]}x{size[1]} (in 3)"
 
 
 def test_few_names_among_grids_that_are_too_large():
@@ -104,10 +96,7 @@ def test_the_boards_of_another_target_are_reported_beside_a_lone_one():
     photos = [tuple(report(s, verdicts.get(s, Decided.TOO_LARGE)) for s in own) for own in sizes]
     small = Target(units="mm", boards=(checkerboard("board", 5, 4, 30.0),))
     (reported,) = another_target(grid_evidence(identified(*photos, photos[1]), small, counts=[]))
-    assert render(reported).what == (
-        "4 photos show grids of 9x6 (in 4) and 8x7 (in 2) inner corners, but the target has one "
-        "board of another size (board 5x4)"
-    )
+    assert reported.figures["seen"] == "9x6 (in 4) and 8x7 (in 2)"
 
 
 def test_a_larger_board_in_the_background_is_no_other_object():

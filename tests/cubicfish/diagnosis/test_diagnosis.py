@@ -96,9 +96,9 @@ def test_a_finding_is_one_line_and_plain_data():
         code=Code.ZOOM, severity=Severity.BAD, images=("a",), because="own_lens", figures=figures
     )
     assert render(finding).line == (
-        "the focal length is +5 % from a on: zoom or focus changed, or photos of two cameras are "
-        "mixed (by themselves they fit a lens of their own to 0.10 px); calibrate each setting and "
-        "camera by itself, with zoom and focus locked"
+        "the focal length differs by +5 % from a on: zoom or focus changed, or photos of two "
+        "cameras are mixed (fitted separately, they reach 0.10 px); calibrate each setting and "
+        "camera separately, with zoom and focus locked"
     )
     assert finding.as_record() == {
         "cause": "zoom", "code": "zoom", "case": "", "level": "bad", "severity": "bad",
@@ -489,7 +489,7 @@ CENTRE = np.array([500.0, 350.0])
 @pytest.mark.parametrize(
     ("ratio", "shift", "cause", "words"),
     [
-        (1.05, (0.5, 0.2), "zoom", "focal length is +5 %"),
+        (1.05, (0.5, 0.2), "zoom", "focal length differs by +5 %"),
         (1.0, (9.0, -4.0), "shifted", "centre is off by (+9.0, -4.0) px"),
         (0.5, -0.5 * (CENTRE + 0.5), "scaled", "scaled by 0.5"),
         (1.0005, np.array([960, 720]) - 1 - 2 * CENTRE, "turned", "turned by 180°"),
@@ -868,22 +868,22 @@ def one_photo(changed=lambda corners: {}):
         (
             lambda c: {"column": c.column + (c.board == 0)},
             "corner_names",
-            "board floor are named wrongly: 1 column too far",
+            "board floor are misnamed: 1 column too far",
         ),
         (
             lambda c: {"row": c.row - 2 * (c.board == 1)},
             "corner_names",
-            "board wall are named wrongly: 2 rows too near",
+            "board wall are misnamed: 2 rows too near",
         ),
         (
             lambda c: {"column": np.where(c.board == 2, 6 - c.column, c.column)},
             "corner_names",
-            "board side are named wrongly: columns counted backwards",
+            "board side are misnamed: columns counted backwards",
         ),
         (
             lambda c: {"column": c.column + 1, "row": c.row + 1},
             "corner_names",
-            "all boards are named 1 column too far and 1 row too far",
+            "all boards are misnamed: 1 column too far and 1 row too far",
         ),
         (
             lambda c: {"pixel": c.pixel + (c.board[:, None] == 1) * [6, -5]},
@@ -908,7 +908,7 @@ def test_corners_under_another_boards_name():
     fault = board_fault(LENS, replace(pairs, board=board, world=world), TARGET, 1.0, 0.1)
     (found,) = board_findings([fault], lambda board, times: False)
     assert (found.code, found.boards) == ("corner_names", ("wall",))
-    assert "they are of board side" in render(found).what
+    assert "they belong to board side" in render(found).what
 
 
 @pytest.mark.parametrize(
@@ -917,8 +917,8 @@ def test_corners_under_another_boards_name():
         (
             lambda c: {"column": np.where(c.board == 2, 6 - c.column, c.column)},
             "board_order",
-            "00.png, 01.png and 02.png: corners of board side are named wrongly: columns counted",
-            "board side: columns are counted the other way round than the target says",
+            "00.png, 01.png and 02.png: corners of board side are misnamed: columns counted",
+            "board side: columns are counted the other way round",
         ),
         (
             lambda c: {"pixel": c.pixel + (c.board[:, None] == 1) * [6, -5]},
@@ -1040,7 +1040,7 @@ def test_photos_that_do_not_go_with_the_others_are_named(points):
     world[moved] = rng.permutation(world[moved])
     (found,) = failed_lens(FailedFit(pairs=replace(points, world=world), target=None))
     assert (found.code, found.images) == ("photo_lens", ("01.png", "06.png"))
-    assert render(found).what.startswith("01.png and 06.png do not go with the other 6 photos")
+    assert render(found).what.startswith("01.png and 06.png do not match the other 6 photos")
 
 
 def test_few_of_many_photos_are_tried():

@@ -21,7 +21,6 @@ from cubicfish.find.identification.name_grids import name_grids
 from cubicfish.scene.photos import Look
 from cubicfish.scene.scene import Scene
 from cubicfish.target.target import Target
-from cubicfish_cli.words.sentences import render
 
 pytestmark = pytest.mark.slow
 
@@ -158,30 +157,3 @@ def test_a_board_among_others_that_is_drawn_too_large(corner):
 
 def test_one_photo_is_not_enough(corner):
     assert reported(corner[:1], resized(THREE, 0, 8, 6)) == []
-
-
-# In words
-
-
-def test_what_is_said():
-    counts = [Count(board=0, size=(9, 6), photos=8)]
-    (finding,) = in_words(counts, resized(THREE, 0, 10, 6), 10)
-    assert (finding.code, finding.severity, finding.boards) == ("corner_count", "care", ("floor",))
-    assert render(finding).line == (
-        "board floor: the target says 10x6 inner corners, 8 of 10 photos show 9x6 (no photo shows "
-        "more); correct the counts of corners "
-        "in target.yaml (or of --board) and run it again (origin too, if it was of a corner that "
-        "is not there), unless something covers the rest in all photos"
-    )
-    assert in_words([], THREE, 10) == []
-
-
-def test_several_boards_are_said_in_one_line():
-    target = resized(resized(THREE, 0, 10, 7), 2, 8, 6)
-    counts = [Count(board=0, size=(9, 6), photos=8), Count(board=2, size=(7, 5), photos=5)]
-    (finding,) = in_words(counts, target, 10)
-    assert finding.boards == ("floor", "right")
-    assert render(finding).what == (
-        "board floor: the target says 10x7 inner corners, 5 to 8 of 10 photos show 9x6 and board "
-        "right: the target says 8x6 inner corners, 5 to 8 of 10 photos show 7x5"
-    )

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import yaml
 from anonymous_grids import anonymous_photos
-from running import run_cli
 from samples import SAMPLE
 
 from cubicfish import Target, TargetError, load_corners
@@ -128,13 +127,3 @@ def test_grids_that_a_wrong_place_leaves_out_are_counted():
     assert (one.code, one.severity) == (Code.FITS_NOWHERE, Severity.CARE)
     assert one.figures["left_out"] > one.figures["grids"] / 2
     assert one.figures["grids"] == sum(map(len, photos))
-
-
-def test_what_was_measured_goes_into_the_refined_target(tmp_path):
-    file = tmp_path / "target.yaml"
-    file.write_text(UNKNOWN.text())
-    line = ("calibrate", TABLE, "-t", file, "--no-hold-out", "--no-report", "-o", tmp_path / "c")
-    assert "left and right were measured" in run_cli(*line, "--refine-target", "off").stderr
-    assert off_mm(Target.load(tmp_path / "c" / "target.refined.yaml")) < 0.2
-    line = ("simulate", "-t", file, "-m", tmp_path / "c", "-n", 1, "-o", tmp_path / "s")
-    assert "place: unknown" in run_cli(*line, code=1).stderr

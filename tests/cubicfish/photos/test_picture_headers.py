@@ -178,9 +178,9 @@ def test_kinds_whose_headers_are_not_read_never_reach_a_decoder(tmp_path, monkey
 @pytest.mark.parametrize(
     ("name", "data", "kind"),
     [
-        ("a.heic", b"\0\0\0\x18ftypheic\0\0\0\0mif1heic", "a HEIC or AVIF picture"),
-        ("a.jpg", b"\0\0\0\x18ftypmif1\0\0\0\0mif1heic", "a HEIC or AVIF picture"),
-        ("a.avif", b"\0\0\0\x1cftypmif1\0\0\0\0mif1avifmiaf", "a HEIC or AVIF picture"),
+        ("a.heic", b"\0\0\0\x18ftypheic\0\0\0\0mif1heic", "a HEIC picture"),
+        ("a.jpg", b"\0\0\0\x18ftypmif1\0\0\0\0mif1heic", "a HEIC picture"),
+        ("a.avif", b"\0\0\0\x1cftypmif1\0\0\0\0mif1avifmiaf", "an AVIF picture"),
         ("a.mp4", b"\0\0\0\x20ftypisom\0\0\2\0isomiso2avc1mp41", "a video: save frames of it"),
         ("a.mp4", b"\0\0\0\x10ftypisom\0\0\2\0heic", "a video"),  # beyond the brands
         ("a.mov", b"\0\0\0\x08mdat", "a video"),
@@ -192,7 +192,10 @@ def test_kinds_whose_headers_are_not_read_never_reach_a_decoder(tmp_path, monkey
         ("a.raf", b"FUJIFILMCCD-RAW 0201", "a camera's raw file"),
     ],
 )
-def test_what_is_known_and_not_read_is_named_with_what_to_do(tmp_path, name, data, kind):
+def test_what_is_known_and_not_read_is_named_with_what_to_do(
+    tmp_path, monkeypatch, name, data, kind
+):
+    monkeypatch.setattr(photos, "_READS_PHONES", False)
     (tmp_path / name).write_bytes(data + bytes(100))
     with pytest.raises(PhotoError) as refused:
         photos.read_picture(tmp_path / name)
@@ -251,3 +254,23 @@ def test_tables_before_the_frame_of_a_jpeg_are_no_frame(marker):
     table = bytes([0xFF, marker]) + struct.pack(">H", 19) + bytes(17)
     photo = jpeg(64, 48)
     assert read_size(photo[:2] + table + photo[2:]) == (64, 48)
+
+
+@pytest.mark.parametrize("mode", ["RGB", "RGBA", "L"])
+def test_pictures_of_phones_are_read_with_their_extra(tmp_path, mode):
+    heif = pytest.importorskip("pillow_heif")
+    smooth = cv2.GaussianBlur(cv2.resize(COLOUR, (96, 64)), (0, 0), 5)
+    given = smooth if mode == "RGB" else cv2.cvtColor(smooth, getattr(cv2, _OF_MODE[mode]))
+    heif.encode(mode, (96, 64), given.tobytes(), tmp_path / "a.heic", quality=100)
+    read = photos.read_picture(tmp_path / "a.heic")
+    assert photos.PictureFile.read(tmp_path / "a.heic").size == (96, 64)
+    order = {"RGB": cv2.COLOR_BGR2RGB, "RGBA": cv2.COLOR_BGRA2RGBA}
+    seen = cv2.cvtColor(read, order[mode]) if mode in order else photos.grey(read)
+    assert np.abs(seen.astype(int) - given).mean() < 3
+    data = (tmp_path / "a.heic").read_bytes()
+    (tmp_path / "cut.heic").write_bytes(data[: len(data) // 2])
+    with pytest.raises(PhotoError, match="cut short or damaged"):
+        photos.read_picture(tmp_path / "cut.heic")
+
+
+_OF_MODE = {"RGBA": "COLOR_BGR2RGBA", "L": "COLOR_BGR2GRAY"}

@@ -39,7 +39,6 @@ from cubicfish.target.observations import Observations
 from cubicfish.target.placement import renamed, symmetries
 from cubicfish.target.target import Target
 from cubicfish.types import FloatArray
-from cubicfish_cli.words.sentences import render
 
 NAMES = ("left", "right")
 T = TypeVar("T")
@@ -343,7 +342,6 @@ def test_cameras_that_run_free_before_a_moving_target_get_times(reported: bool) 
     if not reported:
         first = rig.verdict.reasons[0]
         assert (first.code, first.case) == ("not_at_once", "fitted")
-        assert "hold the board still for a second" in render(first).line
 
 
 @pytest.mark.slow
@@ -476,8 +474,9 @@ def test_shots_that_fit_no_rig_are_refused() -> None:
     shuffled = dict(zip(names, np.roll(np.arange(len(names)), 3).tolist(), strict=True))
     shots = matched(pairs)
     wrong = Shots(names=shots.names, photos=(shots.photos[0], shuffled))
-    with pytest.raises(FitError, match="do not fit one rig"):
+    with pytest.raises(FitError, match="do not fit one rig") as refused:
         fitted(pairs, wrong)
+    assert refused.value.what.count("shot_") == 3
 
 
 def free_radial(values: np.ndarray) -> FreeLens[RadialCamera]:

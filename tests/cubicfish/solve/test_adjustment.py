@@ -187,6 +187,26 @@ def test_a_valley_that_bends_is_followed(pairs, cubic):
     assert fit.iterations <= 20
 
 
+class Gorge(Valley):
+    """One that bends twice as much as its slopes say: a residual stays, and its slope changes."""
+
+    def with_parameters(self, parameters):
+        return Gorge(parameters)
+
+    def pixel_and_slopes(self, points):
+        x, _ = self.parameters
+        pixel = np.tile([x, 10 + 0.049 * x * x], (len(points), 1))
+        slope = np.tile([[1.0, 0.0], [0.098 * x, 0.0]], (len(points), 1, 1))
+        return pixel, np.zeros((len(points), 2, 3)), slope
+
+
+def test_steps_do_not_lead_from_one_side_of_a_gorge_to_the_other(pairs, cubic):
+    still = replace(pairs, pixel=np.zeros_like(pairs.pixel))
+    fit = adjust(Gorge([1.0, 0.0]), cubic.poses, still, huber_px=1e6)
+    assert abs(fit.lens.parameters[0]) < 1e-3
+    assert fit.iterations <= 40
+
+
 @pytest.mark.parametrize("axis", range(3))
 def test_a_photo_far_off_does_not_hold_up_the_others(pairs, axis):
     """It is damped by itself; where all are damped for it, a hundred steps do not do."""

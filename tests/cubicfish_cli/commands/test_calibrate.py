@@ -252,7 +252,7 @@ def test_evaluate_says_what_it_did_not_count(run: Run, calibrated: Path, tmp_pat
     (tmp_path / "few.csv").write_text("\n".join(few))
     result = run("evaluate", tmp_path / "few.csv", "-t", TARGET, "-m", tmp_path / "narrow.yaml")
     assert "corners not counted: beyond the 60°" in result.stderr
-    assert "corner_10.jpg: too few corners to be placed" in result.stderr
+    assert "corner_10.jpg: too few corners to find its pose" in result.stderr
 
 
 @pytest.mark.slow
@@ -267,7 +267,7 @@ def test_photos_left_out_for_the_same_reason_are_said_in_one_line(run: Run, tmp_
     )
     said = [line for line in result.stderr.splitlines() if line.startswith("left out")]
     assert said == [
-        "left out: 2 photos (corner_09.jpg and corner_10.jpg): too few corners to be placed"
+        "left out: 2 photos (corner_09.jpg and corner_10.jpg): too few corners to find its pose"
     ]
 
 

@@ -14,16 +14,19 @@ from running import Run
 from cubicfish import FitError, load_camera
 from cubicfish.geometry import inside_polygon
 from cubicfish_cli.commands.export import FORMATS
-from cubicfish_cli.commands.exporting import _round_up, export_camera, printed
+from cubicfish_cli.commands.exporting import export_camera
 from cubicfish_cli.extension_guard import (
     camera_formats,
     read_formats,
     written_formats,
 )
+from cubicfish_cli.words.export import printed, round_up
 
 WRITTEN = written_formats()
+
 # These are not read.
-NOT_READ = {"anipose", "anipose-pinhole", *(name for name, one in WRITTEN.items() if one.exact)}
+NOT_READ = {"anipose", "anipose-pinhole", "ftheta", "fisheye624"}
+NOT_READ |= {name for name, one in WRITTEN.items() if one.exact}
 LENS_FORMATS = sorted({*WRITTEN} - NOT_READ)
 
 
@@ -241,7 +244,8 @@ def test_a_lens_that_is_not_near_enough_is_refused(run, calibrated, tmp_path):
     ).stderr  # fmt: skip
     assert "the lens of opencv misses the camera by up to" in said
     assert "more than the 0.01 px of --max-error: " in said
-    assert "or export to mrcal or maps" in said
+    assert "or take another format: " in said
+    assert "maps lose nothing" in said
     assert not path.exists()
     enough = said.partition("--max-error ")[2].split()[0]
     assert len(enough.replace(".", "").lstrip("0")) <= 2
@@ -273,7 +277,7 @@ def test_what_is_said_to_be_near_enough_within_an_angle_is(calibrated, name, err
     ],
 )
 def test_the_error_that_would_pass_is_short_and_no_less(value, written):
-    assert _round_up(value) == written
+    assert round_up(value) == written
     assert float(written) >= value
 
 
@@ -281,7 +285,7 @@ def test_the_help_lists_every_format_and_fits_a_terminal(run):
     lines = run("export", "--help").stdout.splitlines()
     assert "  --to FORMAT" in run("export", "--help").stdout
     assert max(map(len, lines)) <= 80
-    listed = [line.split()[0] for line in lines if re.match(r"  [a-z-]+  +[^ ]", line)]
+    listed = [line.split()[0] for line in lines if re.match(r"  [a-z0-9-]+  +[^ ]", line)]
     assert [name for name in listed if name in FORMATS] == list(FORMATS)
     kinds = {line.split()[0]: line for line in lines if line.strip()}
     for name, made in WRITTEN.items():
@@ -297,8 +301,8 @@ def test_the_help_lists_every_format_and_fits_a_terminal(run):
 )
 def test_a_nearer_format_of_the_same_tool_is_named(run, calibrated, tmp_path, name, other):
     args = ["export", "-m", calibrated / "camera.yaml", "-o", tmp_path / "c", "--max-error", 0.01]
-    assert f"export to {other}, which" in run(*args, "--to", name, code=1).stderr
-    assert "which comes nearer" not in run(*args, "--to", other, code=1).stderr
+    assert f"another format: {other} loses 0.0" in run(*args, "--to", name, code=1).stderr
+    assert re.search("another format: [a-z, ]+ lose", run(*args, "--to", other, code=1).stderr)
 
 
 @pytest.fixture(scope="module")
@@ -437,7 +441,10 @@ def test_kalibrs_pinhole_becomes_the_same_cubic_camera(run, tmp_path):
         (PINHOLE.replace("plumb_bob", "[1]"), "is no lens that is known here"),
         (CHAIN.format("pinhole", "rational"), "'pinhole-rational' is no lens that is known here"),
         (CHAIN.format("mei", "none"), "cam0.distortion_model 'mei-none' is no lens that is known"),
-        ('{"fl_x": 1, "camera_model": "X"}', "'X' is not known: OPENCV, OPENCV_FISHEYE, PIN"),
+        (
+            '{"fl_x": 1, "camera_model": "X"}',
+            "'X' is not known: OPENCV, OPENCV_FISHEYE, FISHEYE624",
+        ),
         ('{"fl_x": 1, "fl_x": 2}', "the key 'fl_x' is there twice"),
         (
             "%YAML:1.0\n---\nK: [1, 0, 2, 0, 1, 2, 0, 0, 1]\nD: [1, 2, 3, 4]\nimage_width: 9\n"
@@ -551,7 +558,7 @@ def test_gyroflow_holds_the_lens_of_one_camera(run: Run, calibrated: Path, tmp_p
     pixel = kannala_brandt(np.array([[0.5, 0.2, 1.0]]), fx, fy, cx, cy, k)
     own = json.loads(said)
     assert f"{own['rms_px']:.4f}" in profile["note"]
-    args = ["-o", tmp_path / "cv.yaml", "--max-error", 3, "--json"]
+    args = ["-o", tmp_path / "cv.yaml", "--distance", "far", "--json"]
     other = run("export", calibrated, "--to", "opencv", *args).stdout
     storage = cv2.FileStorage(str(tmp_path / "cv.yaml"), cv2.FILE_STORAGE_READ)
     matrix = storage.getNode("camera_matrix").mat()
@@ -561,3 +568,161 @@ def test_gyroflow_holds_the_lens_of_one_camera(run: Run, calibrated: Path, tmp_p
     theirs, _ = cv2.fisheye.projectPoints(ray, np.zeros(3), np.zeros(3), matrix, d)
     np.testing.assert_allclose(pixel, theirs[0], atol=1e-9)
     assert json.loads(other)["rms_px"] == own["rms_px"]
+
+
+@pytest.fixture(scope="module")
+def judged(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The calibration as if its boards were near to a lens whose pupil travels."""
+    record = yaml.safe_load((calibrated / "camera.yaml").read_text())
+    record["pupil"] = {"travel": 4.0, "units": "mm"}
+    record["fit"]["held_out_rms_px"] = 0.04
+    record["fit"]["pupil"] = {"travel": 4.0, "distance": 300.0, "units": "mm", "rim_px": 1.2}
+    folder = tmp_path_factory.mktemp("judged") / "left cam"
+    folder.mkdir()
+    (folder / "camera.yaml").write_text(yaml.safe_dump(record))
+    return folder
+
+
+def test_the_first_line_says_the_cost(run: Run, judged: Path, tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    lines = run("export", judged, "--to", "colmap", "-o", path).stdout.splitlines()
+    said = re.fullmatch(
+        r"loses (0\.\d{3}) px for distant things, ([\d.]+) times this camera's held-out error "
+        r"\(0\.040 px\), up to \d+°; colmap-rad-tan-thin-prism-fisheye loses (0\.\d{3}) px; "
+        r"(.*) lose nothing",
+        lines[0],
+    )
+    assert said
+    assert float(said[2]) == pytest.approx(float(said[1]) / 0.04, rel=0.05)
+    assert float(said[3]) < float(said[1])
+    exact = {name for name, one in WRITTEN.items() if one.exact} | {"maps"}
+    assert set(re.split(", | and ", said[4])) == exact
+    assert lines[1] == f"wrote {path}"
+    assert "300 mm away, as near as the boards" in lines[-1].replace("30 cm", "300 mm")
+    # What a format that loses least says names no other.
+    path = tmp_path / "b.txt"
+    best = run("export", judged, "--to", "colmap-rad-tan-thin-prism-fisheye", "-o", path).stdout
+    assert f"loses {said[3]} px for distant things" in best
+    assert "colmap" not in best.splitlines()[0]
+
+
+def test_programs_that_look_at_boards_get_the_lens_for_boards(
+    run: Run, judged: Path, tmp_path: Path
+) -> None:
+    made = {}
+    for name, given in (("own", ()), ("far", ("far",)), ("boards", ("boards",)), ("30", ("30cm",))):
+        option = ("--distance", *given) if given else ()
+        path = tmp_path / f"{name}.yaml"
+        said = run("export", judged, "--to", "opencv", "-o", path, "--json", *option).stdout
+        made[name] = json.loads(said)
+        own = {"file", "by_angle"}
+        made[name] = {key: value for key, value in made[name].items() if key not in own}
+    assert made["own"] == made["boards"] == made["30"]
+    assert made["own"]["distance"] == 300
+    assert made["far"]["distance"] is None
+    assert made["own"]["distant"]["rms_px"] > 1.2 * made["far"]["rms_px"]
+    assert 0 < made["own"]["place"][2] < 4
+    assert "for things about 30 cm away" in run(
+        "export", judged, "--to", "opencv", "-o", tmp_path / "b.yaml"
+    ).stdout.splitlines()[0]  # fmt: skip
+    args = ("export", judged, "--to", "opencv", "-o", tmp_path / "c.yaml", "--distance")
+    assert "'soon' is not a length" in run(*args, "soon", code=1).stderr
+
+
+def test_only_what_loses_more_than_the_camera_itself_is_refused(
+    run: Run, judged: Path, tmp_path: Path
+) -> None:
+    record = yaml.safe_load((judged / "camera.yaml").read_text())
+    path = tmp_path / "camera.yaml"
+
+    def exported_at(held_out: float, *more: object, code: int = 0) -> str:
+        record["fit"]["held_out_rms_px"] = held_out
+        path.write_text(yaml.safe_dump(record))
+        said = run(
+            "export", path, "--to", "woodscape", "-o", tmp_path / "a.json", "--overwrite", *more,
+            code=code,
+        )  # fmt: skip
+        return said.stdout + said.stderr
+
+    record["P"] = (np.diag([8.0, 8.0, 1.0]) @ np.array(record["P"])).tolist()
+    record["image_size"] = [7680, 5760]
+    for key in ("fx", "fy", "cx", "cy"):
+        record["radial"][key] *= 8
+    del record["valid"], record["fit"]["uncertainty"]
+    loss = float(exported_at(50.0).split()[1])
+    assert loss > 0.5
+    refused = exported_at(0.9 * loss, code=1)
+    assert f"more than 0.5 px RMS and this camera's held-out error ({0.9 * loss:.3f} px)" in refused
+    assert "lose nothing" in refused
+    exported_at(1.1 * loss)
+    exported_at(0.9 * loss, "--max-error", 99)
+    assert "the 0.6 px of --max-error" in exported_at(50.0, "--max-error", 0.6, code=1)
+
+
+def test_files_are_called_as_their_cameras(
+    run: Run, judged: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for to, name in (
+        ("opencv", "left_cam.opencv.yaml"), ("ros", "left_cam.ros.yaml"),
+        ("colmap", "left_cam.colmap.txt"), ("c", "left_cam.h"), ("maps", "left_cam.maps.npz"),
+    ):  # fmt: skip
+        assert f"wrote {name}\n" in run("export", judged, "--to", to).stdout
+    assert run("export", judged, "--to", "opencv", code=1).stderr.count("left_cam.opencv.yaml")
+    right = tmp_path / "calibration" / "camera.yaml"
+    right.parent.mkdir()
+    right.write_text((judged / "camera.yaml").read_text())
+    assert "wrote camera.opencv.yaml\n" in run("export", "--to", "opencv").stdout
+    record = yaml.safe_load(right.read_text())
+    record["made_by"] = {**record.get("made_by", {}), "title": "the right/one"}
+    right.write_text(yaml.safe_dump(record))
+    assert "wrote the_right_one.opencv.yaml\n" in run("export", "--to", "opencv").stdout
+
+
+@pytest.mark.slow
+def test_all_formats_are_compared(run: Run, judged: Path, tmp_path: Path) -> None:
+    formats = json.loads(run("export", judged, "--compare", "--json").stdout)["formats"]
+    assert {one["format"] for one in formats} == {*WRITTEN, "maps"}
+    losses = {one["format"]: one["rms_px"] for one in formats if "rms_px" in one}
+    assert losses["mrcal"] < 0.01 < losses["colmap"]
+    assert losses["fisheye624"] < losses["colmap"]
+    said = json.loads(
+        run("export", judged, "--to", "kalibr-omni", "-o", tmp_path / "a", "--json").stdout
+    )
+    one = next(one for one in formats if one["format"] == "kalibr-omni")
+    assert {key: said[key] for key in one} == one
+    shown = run("export", judged, "--compare").stdout.splitlines()
+    table = [line.split() for line in shown[3:]]
+    figures = [float(row[1]) for row in table if row[1] != "-"]
+    assert figures == sorted(figures)
+    assert {row[0] for row in table} == {*losses}
+
+
+def test_nerfstudio_takes_the_thin_prism_of_what_is_in_front(
+    run: Run, judged: Path, tmp_path: Path
+) -> None:
+    args = ("export", judged, "--to", "nerfstudio", "--json", "-o")
+    made = {}
+    for name, angle in (("wide", ()), ("front", ("--max-angle", 80))):
+        path = tmp_path / f"{name}.json"
+        made[name] = json.loads(run(*args, path, *angle).stdout), json.loads(path.read_text())
+    assert made["wide"][1]["camera_model"] == "OPENCV_FISHEYE"
+    record, data = made["front"]
+    assert data["camera_model"] == "FISHEYE624"
+    assert record["rms_px"] < 0.6 * made["wide"][0]["rms_px"]
+    # nerfstudio's own formula, its pixel centres at halves.
+    camera, p = load_camera(judged / "camera.yaml").camera, data["distortion_params"]
+    rays = camera.unproject(np.random.default_rng(0).uniform(200, 550, (200, 2)))
+    x, y, z = (rays @ np.array(record["lens_from_camera"]).T).T
+    theta = np.arctan2(np.hypot(x, y), z)
+    bent = theta * (1 + sum(p[n] * theta ** (2 * n + 2) for n in range(6)))
+    a, b = bent * x / np.hypot(x, y), bent * y / np.hypot(x, y)
+    r2 = a * a + b * b
+    u = a + p[6] * (2 * a * a + r2) + 2 * p[7] * a * b + p[8] * r2 + p[9] * r2 * r2
+    v = b + p[7] * (2 * b * b + r2) + 2 * p[6] * a * b + p[10] * r2 + p[11] * r2 * r2
+    pixel = np.stack([data["fl_x"] * u + data["cx"], data["fl_y"] * v + data["cy"]], -1) - 0.5
+    miss = np.linalg.norm(pixel - camera.project(rays), axis=1)
+    assert miss.max() <= 1.02 * record["max_px"]
+    assert "nerfstudio --max-angle 89 loses" in run(
+        "export", judged, "--to", "nerfstudio", "-o", tmp_path / "c"
+    ).stdout.splitlines()[0]  # fmt: skip

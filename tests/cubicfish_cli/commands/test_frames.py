@@ -195,7 +195,7 @@ def test_a_note_to_turn_the_film_is_reported_and_not_followed(
     said = run("frames", film, "-o", tmp_path / "p", "-j", 1, "--json")
     (record,) = json.loads(said.stdout)["films"]
     assert abs(record["turned_deg"]) == turn
-    assert "phone.mp4 tells players to turn it by" in said.stderr
+    assert "phone.mp4 has a rotation flag of" in said.stderr
     for path in (tmp_path / "p").glob("*.png"):
         assert cv2.imread(str(path)).shape == (SIZE[1], SIZE[0], 3)
 
@@ -327,7 +327,7 @@ def test_the_best_of_many_photos_are_taken(
     out = tmp_path / "calibration"
     args = ("calibrate", folder, "-t", target, "-o", out, "--most", 6, "-j", 1)
     said = run(*args).stderr
-    assert "6 photos of 32 chosen" in said
+    assert "Chose the 6 most useful of 32 photos" in said
     assert "6 photos: as many as were asked for" in said
     assert load_camera(out / "camera.yaml").made_by["chosen"].startswith("6 photos: ")
     from cubicfish import Target, load_corners

@@ -34,6 +34,7 @@ KEYS: dict[str, Mapping[str, str]] = {
 
 # Keys that only cameras and rigs have which are tested elsewhere.
 RARE = {
+    "calibrate": {"marked"},  # of points that somebody marked
     "export": {"beyond"},
     "import": {"fold_deg"},
 }

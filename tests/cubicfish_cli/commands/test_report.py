@@ -60,7 +60,7 @@ def test_a_camera_from_elsewhere_is_not_accused(run: Run, calibrated: Path, tmp_
     run("export", calibrated, "--to", "kalibr-pinhole-equi", "--max-error", "5", "-o", other)
     run("import", other, "-o", camera)
     said = run("report", camera, "-o", page)
-    assert "verdict: usable with care: its accuracy is not known" in said.stdout
+    assert "verdict: usable with care: accuracy is not known" in said.stdout
     text = page.read_text(encoding="utf-8")
     assert "not to be trusted" not in text.lower()
     assert "written 2" in text
@@ -324,7 +324,8 @@ def test_the_templates_go_along_with_the_package() -> None:
 @pytest.mark.usefixtures("with_report", "quick_fit")
 def test_the_page_begins_with_the_title_and_the_camera_in_a_line(run: Run, tmp_path: Path) -> None:
     line = ("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o", tmp_path / "c")
-    said = run(*line, "--title", "front <left>").stdout.splitlines()[0]
+    headline, lens, *_ = run(*line, "--title", "front <left>").stdout.splitlines()
     page = (tmp_path / "c" / "report.html").read_text()
     assert "<h1>front &lt;left&gt;</h1>" in page
-    assert f'<p class="sub">{said.removeprefix("front <left>: ")}</p>' in page
+    assert f'<p class="sub">{headline.rpartition(": ")[0]}</p>' in page
+    assert f'<p class="sub">{lens.removeprefix("front <left>: ")}</p>' in page

@@ -238,7 +238,7 @@ def test_pages_are_the_same_bytes_again_and_are_not_replaced(run: Run, tmp_path:
         (["--object", "box", "--corners", "9x6"], 2, "take --object board"),
         (["--object", "board", "--dictionary", "DICT_4X4_50"], 2, "add --type charuco"),
         (["--object", "board", "--corners", "9"], 2, "such as 9x6"),
-        (["--object", "block"], 2, "'corner', 'box', 'board'"),
+        (["--object", "block"], 2, "known: corner, box, board"),
         (["--object", "board", "--paper", "A44"], 1, "did you mean 'A4'"),
         (["--object", "board", "--margin", "wide"], 1, "write it like 30mm"),
         (["--object", "board", "--square", "1km"], 1, "write it like 30mm"),

@@ -92,7 +92,7 @@ def test_a_camera_of_points_shows_its_boards(run: Run, tmp_path: Path) -> None:
         (["--view", "plane:flor", "-t", TARGET], "did you mean 'floor'"),
         (["--view", "plane:floor", "-t", TARGET, "--hfov", "90"], "--hfov does not go with"),
         (["--view", "plane:floor", "-t", TARGET, "--size", "9x9"], "--size does not go with"),
-        (["--view", "plane:"], "is not one of"),
+        (["--view", "plane:"], "is not one of them"),
         (["--target", TARGET], "--target goes with --view plane:BOARD"),
     ],
 )

@@ -136,7 +136,7 @@ def test_texts_say_what_is_what(
     assert len(texts["x"]) == len(texts["y"]) == 2
     # The last corners say which they are, names and reasons stand within their grids.
     np.testing.assert_allclose(texts["x4 y4"], [[LEFT[0] + 4 * STEP, TOP + 4 * STEP]])
-    plates = ("floor", "wänd", "left out: fits no place")
+    plates = ("floor", "wänd", "left out: fits nowhere")
     for left, text in zip(LEFT, plates, strict=True):
         assert (np.abs(texts[text][0] - [left + 2 * STEP, TOP + 2 * STEP]) < STEP).all()
 

@@ -46,7 +46,7 @@ def test_one_photo_has_a_line_for_each_grid():
     ]
     large = (
         "corners is left out: larger than every board of the target; if it is a board of the "
-        "target, correct the counts of corners in target.yaml (or of --board)"
+        "target, correct the corner counts in target.yaml (or --board)"
     )
     assert remark_lines(remarks) == [
         "a.jpg: a grid of 6x4 with 24 corners" + PART,
@@ -76,9 +76,8 @@ def test_several_grids_of_several_photos_are_counted():
     remarks = [remark_of(f"{n // 2}.jpg", report(Decided.NO_FIT)) for n in range(4)]
     (line,) = remark_lines(remarks)
     assert line == (
-        "2 photos (0.jpg and 1.jpg): 4 grids of up to 6x4 corners are left out: they fit no "
-        "place on the target; check corners, square, origin and axes of the boards in the target "
-        "file"
+        "2 photos (0.jpg and 1.jpg): 4 grids of up to 6x4 corners are left out: they fit "
+        "nowhere on the target; check corners, square, origin and axes of the boards in target.yaml"
     )
 
 

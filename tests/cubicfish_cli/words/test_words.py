@@ -232,8 +232,7 @@ def test_names_of_users_are_no_templates() -> None:
     figures = {"size_px": 1.0, "share": 0.5, "worst": "{y}|z"}
     reported = Finding(code=Code.PHOTO_LENS, images=names, figures=figures)
     assert render(reported).what.startswith(
-        "{x}|$is_out and a|b were taken otherwise than the other photos, which moves corners by "
-        "1.00 px (RMS)"
+        "{x}|$is_out and a|b differ from the other photos by 1.00 px (RMS)"
     )
     assert render(reported).evidence == "this explains 50 % of the squared error of {y}|z"
 

@@ -20,7 +20,6 @@ from cubicfish.judge.codes import Code
 from cubicfish.scene.photos import render
 from cubicfish.scene.truth import project_corners
 from cubicfish.target.target import Target
-from cubicfish_cli.words import sentences
 
 POSE = look_at((330, 420, 300), (250, 150, 120), roll=0.5)
 
@@ -239,7 +238,7 @@ def test_texture_is_not_a_board(name):
     image = np.clip(textures()[name], 0, 255).astype(np.uint8)
     found = find_grids(image)
     assert found.grids == ()
-    assert len(sentences.render(explain_no_grids(image, found)).what) < 120
+    assert explain_no_grids(image, found).code
 
 
 @pytest.mark.slow

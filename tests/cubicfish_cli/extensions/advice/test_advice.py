@@ -387,7 +387,7 @@ def test_more_than_a_good_camera_may_be_asked_for():
     goal = partial(Goal.of, FitRecord(), IMAGE_SIZE)
     assert goal(0.2).explain_unmet(good, now) == []
     (reason,) = goal(0.05).explain_unmet(good, now)
-    assert "certain only to 0.100 px, where 0.05 px" in render(reason).line
+    assert "0.100 px over 95 % of the field; the goal is 0.05 px" in render(reason).line
     assert summed(np.arange(101.0)) == FieldUncertainty(median_px=50.0, p95_px=95.0)
 
 

@@ -122,6 +122,11 @@ def bomb() -> bytes:
 X = calib_data()["X_1"]
 REFUSED = {
     "v73.mat": (b"MATLAB 7.3 MAT-file".ljust(126) + b"IM\0\0", "is no MAT-file of version 5 to 7"),
+    "inactive.mat": (mat(active_images=[[0, 0, 0, 0]]), "no corner in it is declared as found"),
+    "flags.mat": (
+        mat()[:128] + struct.pack("<6I", 14, 16, 6, 0, 0, 0),
+        "is damaged: was it copied whole?",
+    ),
     "cut.mat": (mat()[:-100], "is damaged: was it copied whole?"),
     "cut_packed.mat": (mat(True)[:-100], "is damaged: was it copied whole?"),
     "bomb.mat": (bomb(), "holds more than 100 MB"),

@@ -19,9 +19,12 @@ from cubicfish_cli.extensions.formats.colmap_cameras import (
 from cubicfish_cli.extensions.formats.lenses import DoubleSphereLens, PinholeLens, UnifiedLens
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
 from cubicfish_cli.extensions.formats.ocamcalib import ScaramuzzaLens
+from cubicfish_cli.extensions.formats.simulators import Fisheye624Lens, FThetaLens
 
 LENSES = (
     DoubleSphereLens,
+    Fisheye624Lens,
+    FThetaLens,
     PinholeLens,
     RadTanThinPrismLens,
     RadialPolyLens,

@@ -92,7 +92,7 @@ def test_photos_find_their_cameras(
 @pytest.mark.parametrize(
     ("args", "code", "words"),
     [
-        (["--view", "plane:floor"], 2, "'plane:floor' is not one of"),
+        (["--view", "plane:floor"], 2, "'plane:floor' is not one of them"),
         (["--view", "cube"], 2, "--view cube is for photos of one camera"),
         (["--crf", "20"], 2, "No such option"),
         (["--quality", "50"], 2, "--quality goes with JPEG and WebP files, not with .png"),
