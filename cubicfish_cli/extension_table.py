@@ -22,6 +22,7 @@ TABLE = {
     "printing": "cubicfish_cli.extensions.printing.extension:EXTENSION",
     "simulation": "cubicfish_cli.extensions.simulation.extension:EXTENSION",
     "rigs": "cubicfish_cli.extensions.rigs.extension:EXTENSION",
+    "shoot": "cubicfish_cli.extensions.shoot.extension:EXTENSION",
 }
 """The extensions that come with the package, and where their records are."""
 

@@ -204,6 +204,36 @@ def report(folder: Path) -> None:
     cv2.imwrite(str(PICTURES / "report.png"), shown[: last + 24], [cv2.IMWRITE_PNG_COMPRESSION, 9])
 
 
+def shoot(folder: Path) -> None:
+    """The page of a shoot after three photos."""
+    sys.path[:0] = [str(HERE.parent / "tests" / "support")]
+    from selenium import webdriver
+    from selenium.webdriver.support.ui import WebDriverWait
+    from shooting import shooting  # type: ignore[import-not-found]
+
+    options = webdriver.ChromeOptions()
+    for word in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1180,800"):
+        options.add_argument(word)
+    driver = webdriver.ChromeService(executable_path=shutil.which("chromedriver"))
+    options.binary_location = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))))
+    browser = webdriver.Chrome(options=options, service=driver)
+    try:
+        with shooting(folder, "--goal", 0.05) as running:
+            for name in (SHOWN, HERO, "corner_05.jpg"):
+                shutil.copy(SAMPLE / "photos" / name, folder / "photos")
+            browser.get(running.address)
+            browser.find_element("id", "begin").click()
+            WebDriverWait(browser, 60).until(
+                lambda page: page.find_element("id", "photos").text.count(" px") == 3
+            )
+            # The ghost board breathes: as it is at its clearest.
+            browser.execute_script("document.getElementById('ghost').style.animation = 'none'")
+            shown = np.frombuffer(browser.get_screenshot_as_png(), np.uint8)
+            jpeg("shoot.jpg", np.asarray(cv2.imdecode(shown, cv2.IMREAD_COLOR), np.uint8))
+    finally:
+        browser.quit()
+
+
 def main() -> None:
     PICTURES.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as name:
@@ -219,6 +249,8 @@ def main() -> None:
         advice(folder)
         rig(folder)
         report(folder)
+        if shutil.which("chromedriver"):
+            shoot(folder)
     total = sum(path.stat().st_size for path in PICTURES.iterdir())
     for path in sorted(PICTURES.iterdir()):
         print(f"{path.stat().st_size / 1000:7.0f} kB  {path.name}")

@@ -33,6 +33,7 @@ from cubicfish.scene.views import (
     WanderingPupil,
     WholeLens,
     sample_views,
+    view_from,
 )
 from cubicfish.target.target import Target
 
@@ -61,9 +62,21 @@ class Scene:
         lens = NearLens(camera=camera) if camera.pupil_travel else camera
         return cls(target=target.with_flat_boards(), lens=lens, image_size=camera.image_size)
 
-    def views(self, count: int, *, within: Distances | None = None) -> list[Viewpoint]:
+    def views(
+        self, count: int, *, seed: int = 0, within: Distances | None = None
+    ) -> list[Viewpoint]:
         """Sample up to ``count`` views; see :func:`~cubicfish.scene.views.sample_views`."""
-        return sample_views(self.target, self.lens, self.image_size, count, within=within)
+        size = self.image_size
+        return sample_views(self.target, self.lens, size, count, seed=seed, within=within)
+
+    def view(self, camera_from_world: Pose) -> Viewpoint | None:
+        """What is seen from a pose; None where no corner is.
+
+        Raises:
+            TargetError: a board of a kind that cannot be drawn.
+
+        """
+        return view_from(self.target, self.lens, camera_from_world, self.image_size)
 
     def choose_poses(self, count: int, *, seed: int = 0) -> list[Pose]:
         """Choose ``count`` poses, ``camera_from_world``, that together fill the field.

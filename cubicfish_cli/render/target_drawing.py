@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from cubicfish import FloatArray, Target
 from cubicfish.models import cone_rays
 from cubicfish.target import Board
+from cubicfish_cli.render.board_shapes import dark_squares, paper
 from cubicfish_cli.render.drawing import drawing, lay_out
 
 _STYLE: dict[Any, Any] = {"svg.hashsalt": "target", "svg.fonttype": "none", "font.size": 10}
@@ -79,11 +80,11 @@ def draw_board(
         pieces: how many the paper is drawn in along a side; where it is one, edges are straight.
 
     """
-    squares = _list_dark_squares(board)
+    squares = dark_squares(board)
     squares = board.origin + (_bend_edges(squares) if pieces > 1 else squares) @ board.axes[:2]
     prints = [squares] if len(squares) <= _MOST_SQUARES else []
     for polygons, colour in zip(
-        [_lay_out_paper(board, pieces), *prints], ("white", "#3d434d"), strict=False
+        [paper(board, pieces), *prints], ("white", "#3d434d"), strict=False
     ):
         place = project(polygons)
         whole = place[np.isfinite(place).all(axis=(1, 2))]
@@ -95,28 +96,6 @@ def draw_board(
         }
         gid = f"{'paper' if colour == 'white' else 'print'} of {board.name}"
         axes.add_collection(PolyCollection(list(whole), rasterized=pieces > 1, gid=gid, **look))
-
-
-def _list_dark_squares(board: Board) -> FloatArray:
-    """(N, 4, 2) the corners of dark squares, or of tags, in the board's plane."""
-    if board.per_cell == 2:
-        row, column = np.indices((board.rows // 2, board.columns // 2)).reshape(2, -1)
-        first = 2 * np.stack([column, row], axis=-1)
-    else:
-        row, column = np.indices((board.rows + 1, board.columns + 1)).reshape(2, -1)
-        dark = (row + column) % 2 == (board.first_square == "light")
-        first = np.stack([column, row], axis=-1)[dark] - 1
-    corner = first[:, None] + Board.AROUND_SQUARE
-    return board.plane_points(corner[..., 0], corner[..., 1])
-
-
-def _lay_out_paper(board: Board, pieces: int = 1) -> FloatArray:
-    """(pieces², 4, 3) world points of a print, in pieces."""
-    end = board.plane_points(board.columns - 1, board.rows - 1) + board.rim
-    share = np.linspace(0, 1, pieces + 1)[:-1]
-    step = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) / pieces
-    low = np.stack(np.meshgrid(share, share), axis=-1).reshape(-1, 1, 2)
-    return board.origin + (-board.rim + (low + step) * (end + board.rim)) @ board.axes[:2]
 
 
 def _bend_edges(polygons: FloatArray, steps: int = 3) -> FloatArray:
@@ -138,7 +117,7 @@ def _draw(axes: Axes, board: Board, rows: FloatArray, way: FloatArray) -> None:
         axes.scatter(x, y, s=9, color="#ae3ec9", gid="dots")
     else:
         outline = PolyCollection(
-            [*project(_lay_out_paper(board))], facecolor="none", edgecolor="#888", zorder=2
+            [*project(paper(board))], facecolor="none", edgecolor="#888", zorder=2
         )
         if -board.axes[2] @ way > 0:
             draw_board(axes, board, project)
@@ -163,7 +142,7 @@ def _draw(axes: Axes, board: Board, rows: FloatArray, way: FloatArray) -> None:
 
 
 def _find_middle(board: Board) -> FloatArray:
-    points = _lay_out_paper(board)[0] if board.points is None else board.points
+    points = paper(board)[0] if board.points is None else board.points
     return np.asarray(points.mean(axis=0))
 
 

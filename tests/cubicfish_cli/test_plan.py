@@ -180,6 +180,13 @@ CASES = {
             needs={"model": "camera.yaml"},
         )
     ],
+    "shoot": [
+        Case(
+            reads={"photos": "photo.jpg", "target": "target.yaml"},
+            writes={"folder": within("camera.yaml")},
+            needs={"photos": "photo.jpg", "target": "target.yaml"},
+        )
+    ],
     "import": [Case(reads={"path": "lens.yaml"}, writes={"output": alone("camera.yaml")})],
     "corners": [
         Case(

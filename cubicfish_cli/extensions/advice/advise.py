@@ -92,6 +92,7 @@ def advise(
     *,
     goal_px: float | None = None,
     proposals: int = PROPOSALS,
+    seed: int = 0,
 ) -> Advice:
     """Say what photos so far leave open and what to photograph next.
 
@@ -103,6 +104,7 @@ def advise(
             the verdict. By default photos are enough where the verdict asks for none, and
             proposals aim at :class:`Goal`.
         proposals: how many photos to propose.
+        seed: of the poses that they are chosen from.
 
     Raises:
         FitError: pairs and camera do not belong together.
@@ -129,7 +131,9 @@ def advise(
     needed: int | None = 0
     if reasons:
         needed = None
-        views = _sample_views(knowledge, target, within, notes, limited_lens(own, blind=blind))
+        views = _sample_views(
+            knowledge, target, within, notes, limited_lens(own, blind=blind), seed
+        )
         if knowledge is not None and views:
             found, needed = proposed(knowledge, views, gaps, rays, goal, proposals)
         short = goal.photos - len(pairs.images)
@@ -168,6 +172,7 @@ def _sample_views(
     within: Distances | None,
     notes: list[Finding],
     lens: LimitedLens,
+    seed: int,
 ) -> list[Viewpoint]:
     """Return poses to choose from; if there are none, add the reason to ``notes``."""
     if target is None:
@@ -179,7 +184,8 @@ def _sample_views(
     if knowledge is None:
         return []
     size = knowledge.camera.image_size
-    views = Scene(target=target, lens=lens, image_size=size).views(_VIEWS, within=within)
+    scene = Scene(target=target, lens=lens, image_size=size)
+    views = scene.views(_VIEWS, seed=seed, within=within)
     if not views:
         notes.append(Finding(code=Code.NO_VIEW))
     return views
