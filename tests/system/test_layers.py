@@ -161,3 +161,23 @@ def test_the_architecture_names_modules_that_are_there() -> None:
     there = [path.as_posix() for folder in folders for path in (ROOT / folder).rglob("*.py")]
     assert len(named) > 100
     assert [one for one in sorted(named) if not any(p.endswith(f"/{one}") for p in there)] == []
+
+
+def test_tests_of_the_library_need_no_program() -> None:
+    """They run where it is not installed, with what they share."""
+    tests = ROOT / "tests"
+    support = {path.stem: path for path in (tests / "support").glob("*.py")}
+    waiting = [*(tests / "cubicfish").rglob("*.py"), tests / "conftest.py"]
+    seen: set[Path] = set()
+    wrong = set()
+    while waiting:
+        path = waiting.pop()
+        if path in seen:
+            continue
+        seen.add(path)
+        names = imported(path)
+        waiting += [support[name] for name in names & support.keys()]
+        if any(name.split(".")[0] == "cubicfish_cli" for name in names):
+            wrong.add(path.relative_to(ROOT).as_posix())
+    assert len(seen) > 100
+    assert wrong == set()
