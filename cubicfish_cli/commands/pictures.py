@@ -233,7 +233,7 @@ def write_pictures(
     """
     record = _find_record(plan, model)
     if run.executor is None:  # a run that is killed has said whose its pictures are
-        write_files(record, overwrite=True)
+        write_files(record, overwrite=True, folder=plan.folder)
     extras = plan.register.write(_draw_beside(plan, views)) if plan.beside else []
     if plan.kind == "video":  # one after the other, and each reports its own progress
         run = replace(run, jobs=1, listener=Listener())

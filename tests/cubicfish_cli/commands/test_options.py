@@ -15,6 +15,7 @@ from typing import Any
 
 import click
 import cv2
+import numpy as np
 import pytest
 import yaml
 from command_tree import commands
@@ -23,7 +24,7 @@ from running import invoke_cli, run_cli
 from samples import SAMPLE
 
 import cubicfish
-from cubicfish import Target, load_corners
+from cubicfish import Target, load_corners, save_corners
 from cubicfish.find.identification.second_pass import Prediction
 from cubicfish.fit import calibrate as fit
 from cubicfish.observe import detection, glances
@@ -464,24 +465,31 @@ def sources(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[
     return {**made, "film": folder / "f.avi", "point": folder / "point"}
 
 
-def write_film(path: Path, rate: int) -> None:
+def write_film(path: Path, rate: int, aside: int = 0) -> None:
     """Nine frames, so many a second."""
     film = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), rate, (960, 720))
     for photo in PHOTOS[:3]:
         for _ in range(3):
-            film.write(cv2.imread(str(photo)))
+            film.write(np.roll(cv2.imread(str(photo)), aside, axis=1))
     film.release()
 
 
 def rig_sources(made: dict[str, Path], calibrated: Path, folder: Path) -> dict[str, Path]:
-    """Two cameras that see the same, as tables, photos and films, and what says of their shots."""
+    """Two cameras that see the same, a little aside, and what says of their shots.
+
+    They are there as tables, photos and films.
+    """
     found = {name: folder / name for name in ("cameras", "nothing")}
-    for name in ("left", "right"):
-        shutil.copytree(made["photos"], folder / "cameras" / name)
+    for name, aside in (("left", 2), ("right", 4)):
+        (folder / "cameras" / name).mkdir(parents=True)
+        for photo in made["photos"].iterdir():
+            picture = np.roll(cv2.imread(str(photo)), aside, axis=1)
+            cv2.imwrite(str(folder / "cameras" / name / photo.name), picture)
         found[name] = folder / f"{name}.csv"
-        shutil.copy(made["corners"], found[name])
-    write_film(folder / "cameras" / "left.avi", 10)
-    write_film(folder / "cameras" / "right.avi", 9)
+        corners = load_corners(made["corners"], Target.load(TARGET))
+        save_corners(found[name], replace(corners, pixel=corners.pixel + np.array([aside, 0])))
+    write_film(folder / "cameras" / "left.avi", 10, aside=2)
+    write_film(folder / "cameras" / "right.avi", 9, aside=4)
     photos = sorted({line.split(",")[0] for line in made["corners"].read_text().splitlines()[2:]})
     both = [(photo, camera) for photo in photos for camera in ("left", "right")]
     found["shots"], found["times"] = folder / "shots.csv", folder / "times.csv"
