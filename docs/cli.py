@@ -215,7 +215,7 @@ def page() -> str:
         "`cubicfish -V` or `cubicfish --version` shows the version.\n",
         "## Exit codes\n",
         _list([f"`{code}`: {meaning}" for code, meaning in EXIT_CODES.items()]),
-        "Results go to stdout, everything else to stderr; progress is shown on a terminal only.\n",
+        "Results go to stdout, everything else to stderr, also progress.\n",
         "## JSON\n",
         JSON,
         _words("Codes", Code),
