@@ -164,7 +164,7 @@ def test_the_architecture_names_modules_that_are_there() -> None:
 
 
 def test_tests_of_the_library_need_no_program() -> None:
-    """They run where it is not installed, with what they share."""
+    """They run where it is not installed, with what they share; those of sentences are its own."""
     tests = ROOT / "tests"
     support = {path.stem: path for path in (tests / "support").glob("*.py")}
     waiting = [*(tests / "cubicfish").rglob("*.py"), tests / "conftest.py"]

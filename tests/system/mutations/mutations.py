@@ -201,7 +201,7 @@ MUTATIONS = tuple(
             "cubicfish/diagnosis/two_lenses.py",
             "own=split.own[::-1]",
             "own=split.own",
-            "cubicfish/diagnosis/test_diagnosis",
+            "cubicfish_cli/diagnosis/test_diagnosis",
         ),
         # The object.
         (
