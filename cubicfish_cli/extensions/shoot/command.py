@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,6 +19,7 @@ from cubicfish_cli.terminal import parameters
 from cubicfish_cli.terminal.parameters import FloatRange, as_command, option, record, target_options
 from cubicfish_cli.terminal.progress import How
 from cubicfish_cli.terminal.terminal import print_message, result
+from cubicfish_cli.words.phrases import shell_line
 
 if TYPE_CHECKING:
     from cubicfish import Target
@@ -183,7 +183,7 @@ class _Finish:
         elif self.source.path is not None and not self.source.by_default:
             line += ["--target", str(self.source.path)]
         options = CalibrateOptions(inputs=photos, target=self.source, folder=self.folder)
-        made = calibrate_files(options, run=replace(self.run, command=shlex.join(line)))
+        made = calibrate_files(options, run=replace(self.run, command=shell_line(*line)))
         self.run = replace(self.run, overwrite=True)
         said = words.finished(made.fitted.verdict, self.folder)
         return said, made.files.get("report", self.folder / PAGE)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,11 +9,11 @@ from saved_maps import every_pixel
 from scipy.spatial.transform import Rotation
 
 from cubicfish import (
+    Calibration,
     CameraFileError,
     CubicCamera,
     ViewError,
     aligned_difference,
-    load_camera,
     stitch,
 )
 from cubicfish.models import cone_rays
@@ -31,8 +30,8 @@ PANORAMA = CentralView(
 
 
 @pytest.fixture(scope="module")
-def camera(calibrated: Path) -> CubicCamera:
-    whole = load_camera(calibrated / "camera.yaml").camera
+def camera(fitted: Calibration) -> CubicCamera:
+    whole = fitted.camera
     return whole.for_photos((480, 360))  # a quarter of the pixels shows as much
 
 

@@ -22,8 +22,9 @@ from cubicfish_cli.terminal.terminal import print_json
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"
 
-# Commands whose result is a table of numbers on stdout, which other programs read as it is.
-TABLES = {"project", "unproject"}
+# Commands whose result is a table of numbers on stdout, which other programs read as it is, and
+# the one that is talked with.
+TABLES = {"project", "unproject", "shoot"}
 
 KEYS: dict[str, Mapping[str, str]] = {
     " ".join(words[1:]): keys_of(" ".join(words[1:]))

@@ -316,7 +316,7 @@ def test_the_templates_go_along_with_the_package() -> None:
         for path in folder.rglob("*.*")
         if path.suffix in (".html", ".css", ".js")
     }
-    assert len(templates) == 5
+    assert len(templates) == 6
     assert templates <= covered
 
 
