@@ -234,7 +234,12 @@ def _apply_rules(
     The first rules say how wrong the camera is and why it cannot be right, the later ones where it
     is less so.
     """
-    extent, known = of.reach, of.uncertainty
+    yield from _judge_errors(of, scale)
+    yield from _judge_what_is_left_out(of)
+    yield from _judge_field(of, image_size, outline, scale)
+
+
+def _judge_errors(of: FitRecord, scale: float) -> Iterator[Finding]:
     held_out, rms, photos = of.held_out_rms_px, of.rms_px, of.images
     radial = of.radial_held_out_rms_px
     error = float(np.fmax(held_out, rms))
@@ -259,17 +264,26 @@ def _apply_rules(
         level = _rate(1 - photos, (1 - FEW_OF_A_PLANE[0], 1 - FEW_OF_A_PLANE[1]))
         bad = level is Severity.BAD
         yield from _report(level, Code.FEW_PHOTOS_OF_A_PLANE, photos=photos, bad=bad)
-    # The photos and corners that were left out.
+
+
+def _judge_what_is_left_out(of: FitRecord) -> Iterator[Finding]:
+    """Rules on the photos and corners that were left out, and on what they leave open."""
     dropped, used = of.dropped, of.corners
     level = _rate(dropped / max(dropped + used, 1), _DROPPED_SHARE)
     yield from _report(level, Code.MANY_OUTLIERS, dropped=dropped, corners=dropped + used)
     left_out = len(of.unfit_images)
-    every = left_out + photos
+    every = left_out + of.images
     level = _rate(left_out / max(every, 1), _REJECTED_SHARE)
     yield from _report(level, Code.MANY_UNFIT, left_out=left_out, photos=every)
     lift, full = ("point", 20) if of.lift == "point" else ("", 16)
     yield from _report(_care_if(0 < of.rank < full), Code.LOW_RANK, lift, rank=of.rank, full=full)
-    # The field: at the rim, and beyond the corners.
+
+
+def _judge_field(
+    of: FitRecord, image_size: tuple[int, int], outline: FloatArray | None, scale: float
+) -> Iterator[Finding]:
+    """Rules on the field: at the rim, and beyond the corners."""
+    extent, known, used = of.reach, of.uncertainty, of.corners
     rim, middle, start = extent.rim_rms_px, extent.middle_rms_px, extent.rim_from_deg
     level = None if math.isnan(start) else ratio_above(rim, middle, _RIM_ERROR, scale)
     yield from _report(level, Code.WORSE_AT_THE_RIM, middle_px=middle, rim_px=rim, from_deg=start)

@@ -212,19 +212,7 @@ class PictureFile:
         _check(path, data)
         if not is_whole(data):
             raise PhotoError(_DAMAGED, about=shown(path))
-        with quiet_stderr():
-            try:
-                if phones.is_heic(data):
-                    picture = phones.decoded(data)
-                else:
-                    stored = np.frombuffer(as_stored(data), np.uint8)
-                    picture = cv2.imdecode(stored, flags)
-            except cv2.error as problem:
-                if "CV_IO_MAX_IMAGE" in str(problem):
-                    raise _explain_too_large(path) from problem
-                picture = None
-        if picture is None or picture.size == 0:
-            raise PhotoError(_DAMAGED, about=shown(path))
+        picture = _decode(path, data, flags)
         if picture.dtype not in (np.uint8, np.uint16) and not (
             floats and picture.dtype == np.float32
         ):
@@ -474,6 +462,22 @@ def _is_animated(data: bytes) -> bool:
     """Whether a WebP file says that it has several pictures, of which decoders give the first."""
     webp = data.startswith(b"RIFF") and data[8:16] == b"WEBPVP8X"
     return webp and len(data) > 20 and bool(data[20] & 2)
+
+
+def _decode(path: Path, data: bytes, flags: int) -> Picture:
+    with quiet_stderr():
+        try:
+            if phones.is_heic(data):
+                picture = phones.decoded(data)
+            else:
+                picture = cv2.imdecode(np.frombuffer(as_stored(data), np.uint8), flags)
+        except cv2.error as problem:
+            if "CV_IO_MAX_IMAGE" in str(problem):
+                raise _explain_too_large(path) from problem
+            picture = None
+    if picture is None or picture.size == 0:
+        raise PhotoError(_DAMAGED, about=shown(path))
+    return picture
 
 
 def _explain_too_large(path: Path) -> PhotoError:

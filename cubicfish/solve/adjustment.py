@@ -231,12 +231,7 @@ def adjust(
 
     """
     world = DeformableTarget(nominal=pairs.world) if world is None else world
-    now = _evaluate(State(lens, poses, world), pairs, huber_px)
-    if not np.isfinite(now.cost):
-        raise FitError(
-            "the start of the fit sees corners at infinity: check that the corners are named "
-            "rightly and that the camera belongs to these photos"
-        )
+    now = _begin(State(lens, poses, world), pairs, huber_px)
     near, iterations, reach = damping < COLD_DAMPING, 0, 1.0
     pose_damping = np.zeros((len(poses), 1))
     while iterations < max_iterations:
@@ -254,11 +249,7 @@ def adjust(
             new = _try_again(now, new, damping, pose_damping)
         if new.cost < now.cost:
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
-            # Where the cost bends more than its equations say, the last steps lead from one side of
-            # a valley to the other: the next goes as far as this one should have gone.
-            bend = 2 * reach * gain - decrease
-            wanted = reach**2 * gain / bend if gain < _LAST and bend > 0 else 1.0
-            reach = max(wanted, _SHORTEST) if wanted < _OVERSHOT else 1.0
+            reach = _find_reach(reach, gain, decrease)
             now = new
             damping = max(damping / 10, 1e-14)
             pose_damping *= 0.1
@@ -269,6 +260,27 @@ def adjust(
             if damping > 1e8 or gain < _ROUNDING or new.cost < (1 + least) * now.cost:
                 break
     return replace(now, iterations=iterations)
+
+
+def _begin(state: State[L], pairs: Observations, huber_px: float) -> Adjustment[L]:
+    start = _evaluate(state, pairs, huber_px)
+    if not np.isfinite(start.cost):
+        raise FitError(
+            "the start of the fit sees corners at infinity: check that the corners are named "
+            "rightly and that the camera belongs to these photos"
+        )
+    return start
+
+
+def _find_reach(reach: float, gain: float, decrease: float) -> float:
+    """How much of the next step is taken, by what this one gained and what its equations said.
+
+    Where the cost bends more than these say, the last steps lead from one side of a valley to the
+    other: the next goes as far as this one should have gone.
+    """
+    bend = 2 * reach * gain - decrease
+    wanted = reach**2 * gain / bend if gain < _LAST and bend > 0 else 1.0
+    return max(wanted, _SHORTEST) if wanted < _OVERSHOT else 1.0
 
 
 def _evaluate(state: State[L], pairs: Observations, huber_px: float) -> Adjustment[L]:

@@ -180,19 +180,7 @@ def export_files(options: ExportOptions, *, run: Run = Run()) -> ExportedFiles:
     if options.compare or options.to is None:
         return _compare(options, path, run)
     to, formats = options.to, written_formats()
-    if to != MAPS and to not in formats:
-        suggestion = did_you_mean(to, sorted({MAPS, *formats}))
-        raise UsageError(f"no format is called {quoted(to)}: {suggestion}")
-    is_exact = to == MAPS or formats[to].exact
-    for name, given in (
-        ("--max-error", options.max_error),
-        ("--max-angle", options.max_angle_deg),
-        ("--distance", options.distance),
-    ):
-        if is_exact and given is not None:
-            raise UsageError(f"{name} is of lens models: --to {to} holds the camera as it is")
-    if options.name is not None and (to == MAPS or not is_exact):
-        raise UsageError(f"--name is of functions, and --to {to} writes none")
+    is_exact = _find_whether_exact(to, options)
     plan = Plan(run).reads(path)
     loaded = load_camera(path)
     usual = Path(CALIBRATION_FILES["map"] if to == MAPS else formats[to].file_name)
@@ -224,6 +212,30 @@ def export_files(options: ExportOptions, *, run: Run = Run()) -> ExportedFiles:
         lines=tuple(printed(line, text) for line in lens.note[1:]),
         warnings=() if lens.warning is None else (lens.warning,),
     )
+
+
+def _find_whether_exact(to: str, options: ExportOptions) -> bool:
+    """Whether a format holds the camera itself.
+
+    Raises:
+        UsageError: there is no such format, or an option is of others.
+
+    """
+    formats = written_formats()
+    if to != MAPS and to not in formats:
+        suggestion = did_you_mean(to, sorted({MAPS, *formats}))
+        raise UsageError(f"no format is called {quoted(to)}: {suggestion}")
+    is_exact = to == MAPS or formats[to].exact
+    for name, given in (
+        ("--max-error", options.max_error),
+        ("--max-angle", options.max_angle_deg),
+        ("--distance", options.distance),
+    ):
+        if is_exact and given is not None:
+            raise UsageError(f"{name} is of lens models: --to {to} holds the camera as it is")
+    if options.name is not None and (to == MAPS or not is_exact):
+        raise UsageError(f"--name is of functions, and --to {to} writes none")
+    return is_exact
 
 
 def _usual_name(usual: Path, to: str, name: str | None, known: str | Path) -> Path:

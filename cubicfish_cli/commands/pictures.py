@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -157,23 +157,23 @@ def plan_pictures(
 
     """
     to_folder = _is_folder(output, "" if alone else plural(len(sources), kind))
-    jobs = []
+    jobs, results = list[Job](), list[Path]()
     for name, (result, photos) in sources.items():
         path = output / result if to_folder else output
         jobs.append(Job(name=name, photos=photos, outputs=options.results(path)))
-    results = [path for job in jobs for path in job.outputs.values()]
+        results += jobs[-1].outputs.values()
     register.reads(*(job.photos for job in jobs))
     beside = register.writes(*options.files_beside())
     lacking = {*register.writes(*results, within=output if to_folder else None)}
     options.refuse_unused(kind, {path.suffix for path in results})
-    for path in lacking:
-        _check_suffix(path, kind)
+    _check_suffixes(lacking, kind)
     # A run that was killed may have left some of a cube's pictures.
     left = [job.lacking(lacking) for job in jobs]
+    done = [job for job, own in zip(jobs, left, strict=True) if not own.outputs]
     return PicturePlan(
         kind=kind,
         jobs=[job for job in left if job.outputs],
-        skipped=[job for job, own in zip(jobs, left, strict=True) if not own.outputs],
+        skipped=done,
         beside=beside,
         options=options,
         register=register,
@@ -181,13 +181,14 @@ def plan_pictures(
     )
 
 
-def _check_suffix(path: Path, kind: str) -> None:
-    if kind != "video":
-        check_suffix(path)
-    elif path.suffix.lower() not in PictureFile.VIDEO_SUFFIXES:
-        raise UsageError(
-            f"{shown(path)} is no video: name a video such as {shown(path.with_suffix('.mp4'))}"
-        )
+def _check_suffixes(paths: Iterable[Path], kind: str) -> None:
+    for path in paths:
+        if kind != "video":
+            check_suffix(path)
+        elif path.suffix.lower() not in PictureFile.VIDEO_SUFFIXES:
+            raise UsageError(
+                f"{shown(path)} is no video: name a video such as {shown(path.with_suffix('.mp4'))}"
+            )
 
 
 def _is_folder(output: Path, several: str) -> bool:
@@ -240,16 +241,9 @@ def write_pictures(
     try:
         failures = write_many(plan.jobs, views.writer(plan.options.quality), run)
     finally:
-        if run.executor is not None and plan.folder is not None and plan.folder.is_dir():
-            write_files(record, overwrite=True, folder=plan.folder)
-    # What another run has written in the meantime is as good.
-    late = [
-        job.name
-        for job in plan.jobs
-        if plan.options.skip_existing
-        and isinstance(failures.get(job.name), OutputError)
-        and all(path.exists() for path in job.outputs.values())
-    ]
+        if run.executor is not None:
+            _keep_record(plan, record)
+    late = _list_written_meanwhile(plan, failures) if plan.options.skip_existing else []
     failures = {name: why for name, why in failures.items() if name not in late}
     done = [job for job in plan.jobs if job.name not in failures and job.name not in late]
     return UndistortedFiles(
@@ -261,6 +255,22 @@ def write_pictures(
         view=views.chosen_of(done[0]) if done else None,
         extras=extras,
     )
+
+
+def _keep_record(plan: PicturePlan, record: Mapping[Path, Content]) -> None:
+    """Write the record where anything was written at all."""
+    if plan.folder is not None and plan.folder.is_dir():
+        write_files(record, overwrite=True, folder=plan.folder)
+
+
+def _list_written_meanwhile(plan: PicturePlan, failures: Mapping[str, CubicfishError]) -> list[str]:
+    """List the jobs whose results another run has written since: they are as good."""
+    return [
+        job.name
+        for job in plan.jobs
+        if isinstance(failures.get(job.name), OutputError)
+        and all(path.exists() for path in job.outputs.values())
+    ]
 
 
 def _find_record(plan: PicturePlan, model: Path | None) -> dict[Path, Content]:

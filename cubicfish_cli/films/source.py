@@ -273,10 +273,14 @@ def _decode_packets(
             f"{shown(source)} is damaged after frame {count} ({problem.strerror}): "
             "copy it again or cut it with ffmpeg"
         ) from problem
-    # Of a film that does not count its frames nothing else says that some are missing: the last
-    # packet, which frames drawn upon it may follow, is a part of one.
-    is_cut = is_cut or (last is not None and last in damaged)
-    if is_cut and count and not stream.frames:
+    # The last packet, which frames drawn upon it may follow, is a part of one.
+    if is_cut or (last is not None and last in damaged):
+        _refuse_cut(source, stream, count)
+
+
+def _refuse_cut(source: Path, stream: Any, count: int) -> None:
+    """Refuse a film that does not count its frames: nothing else says that some are missing."""
+    if count and not stream.frames:
         raise PhotoError(
             f"{shown(source)} is cut short after frame {count}: copy it again or cut it with ffmpeg"
         )

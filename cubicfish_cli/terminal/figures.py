@@ -146,6 +146,10 @@ class PhotoRow:
         """RMS of its errors; NaN where there are none."""
         return math.nan if self.errors is None else self.errors.rms_px
 
+    def in_short(self) -> PhotoRow:
+        """The same for a narrow table."""
+        return replace(self, words=self.short or self.words)
+
 
 def corners_by_board(corners: Observations) -> dict[str, dict[str, int]]:
     """How many corners each photo has of each board, in the target's order of the boards."""
@@ -236,17 +240,16 @@ def print_photo_table(
 
     """
     room = columns_of(sys.stdout)
-    chosen, width = list(rows), room or _ROOMY
+    width = room or _ROOMY
     if apart or room is not None:
         result()
     good = sum(row.level == "good" for row in rows)
+    chosen = list(rows)
     if verbosity() <= 0 and (fold or room is not None):
         most = len(rows) - good + _MOST_GOOD if fold else _MOST_ROWS
-        if len(rows) > min(most, _MOST_ROWS):
-            chosen = sorted(rows, key=_rank_badness)[: min(most, _MOST_ROWS)]
-            result(f"The worst of {len(rows):,} photos:\n")
+        chosen = _find_worst(rows, min(most, _MOST_ROWS))
     if width < _ROOMY:
-        chosen = [replace(row, words=row.short or row.words) for row in chosen]
+        chosen = [row.in_short() for row in chosen]
     columns = _choose_columns(rows, boards, width)
     print_table(
         list(columns),
@@ -254,10 +257,19 @@ def print_photo_table(
         styles=[row.level for row in chosen],
     )
     if len(chosen) < len(rows):
-        number = (
-            f"{plural(good, 'photo')} good" if good else f"{plural(len(rows), 'photo')}, none good"
-        )
-        result(f"\n{number}; all of them: -v, or {everything}")
+        result(f"\n{_count_good(len(rows), good)}; all of them: -v, or {everything}")
+
+
+def _find_worst(rows: Sequence[PhotoRow], most: int) -> list[PhotoRow]:
+    """Find the worst rows, and say so where these are not all."""
+    if len(rows) <= most:
+        return list(rows)
+    result(f"The worst of {len(rows):,} photos:\n")
+    return sorted(rows, key=_rank_badness)[:most]
+
+
+def _count_good(photos: int, good: int) -> str:
+    return f"{plural(good, 'photo')} good" if good else f"{plural(photos, 'photo')}, none good"
 
 
 def _rank_badness(row: PhotoRow) -> tuple[int, float]:

@@ -294,13 +294,7 @@ class _Writer:
         width, height = undistort_map.view.size
         written = _RGB if rgb else self._choose_format(stream.codec_context.pix_fmt)
         self.colours = _Colours.of(stream.codec_context, written)
-        _, across, down = _find_layout(written)
-        if (across and width % across) or (down and height % down):
-            self._container.close()
-            raise ViewError(
-                f"{written} video has even sides, which {width}x{height} has not: "
-                f"choose --size {width + width % 2}x{height + height % 2}"
-            )
+        self._refuse_odd_sides(written, width, height)
         self._stream.width, self._stream.height = width, height
         self._stream.pix_fmt = "bgr24" if codec == "libx264rgb" else written
         context.time_base = stream.time_base
@@ -316,6 +310,15 @@ class _Writer:
         for given_stream, made in streams:  # languages and titles
             made.metadata.update(given_stream.metadata)
         self._container.metadata.update(source.metadata)
+
+    def _refuse_odd_sides(self, written: str, width: int, height: int) -> None:
+        _, across, down = _find_layout(written)
+        if (across and width % across) or (down and height % down):
+            self._container.close()
+            raise ViewError(
+                f"{written} video has even sides, which {width}x{height} has not: "
+                f"choose --size {width + width % 2}x{height + height % 2}"
+            )
 
     def _choose_format(self, wanted: str) -> str:
         """The source's own format if the encoder takes it, or the nearest one that it takes."""

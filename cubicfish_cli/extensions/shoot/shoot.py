@@ -238,14 +238,20 @@ class Shoot:
             own = Taken(path=photo.path, stamp=_stamp(photo.path), problem=why)
             if corners is not None and photo.name in corners.images:
                 own = replace(own, corners=corners.of(photo.name).only_seen()[0])
-                grey = photo.grey_if_readable() if closely else None
-                own = replace(own, sharpness=np.nan if grey is None else sharpness(grey))
-                own = replace(own, flaws=self._find_flaws(own))
+                own = self._measure(own, photo, closely=closely)
             elif report is not None:
                 own = replace(own, problem=problem_of(report) or "")
-            if own.corners is not None or not (broken and _is_on_its_way(own.stamp)):
-                known.append(own)
-        return known
+            known.append(own)
+        return [
+            one
+            for one in known
+            if one.corners is not None or not (broken and _is_on_its_way(one.stamp))
+        ]
+
+    def _measure(self, own: Taken, photo: Photo, *, closely: bool) -> Taken:
+        grey = photo.grey_if_readable() if closely else None
+        own = replace(own, sharpness=np.nan if grey is None else sharpness(grey))
+        return replace(own, flaws=self._find_flaws(own))
 
     def _find_flaws(self, one: Taken) -> tuple[Flaw, ...]:
         corners, others = one.corners, self._usable()
@@ -341,20 +347,8 @@ class Shoot:
         if self.page is None:
             return
         said, guide, used = self.guidance, self._guide, self._usable()
-        advice, fitted = (said.advice, said.fitted) if said else (None, None)
-        errors = {one.image: one.rms_px for one in fitted.fit.per_image} if fitted else {}
-        held, by_photo = self._held_out or (None, {})
-        last = self.taken.get(self._last)
-        photos = [
-            {
-                "name": name,
-                "px": errors.get(name),
-                "held": by_photo.get(name),
-                "out": name in self.left_out,
-                "remarks": one.remarks,
-            }
-            for name, one in self.taken.items()
-        ]
+        advice = said.advice if said else None
+        held, _ = self._held_out or (None, {})
         self.page.tell(
             {
                 "first": self.first,
@@ -364,13 +358,7 @@ class Shoot:
                 "live": self.camera is not None,
                 "over": words.FILM_OVER if self.camera and not self.camera.is_alive() else "",
                 "size": guide and guide.size,
-                "last": {
-                    "name": self._last,
-                    "remarks": last.remarks if last else "",
-                    "corners": last.corners.pixel.round(1).tolist()
-                    if last and last.corners
-                    else [],
-                },
+                "last": self._last_record(),
                 "cells": said and said.cells(),
                 "ghost": guide.ghost(said) if guide and said else None,
                 "next": words.next_words(said),
@@ -378,9 +366,33 @@ class Shoot:
                 "now": advice.now.p95_px if advice and advice.now else None,
                 "goal": said and said.goal_px,
                 "enough": bool(advice and advice.enough),
-                "photos": photos,
+                "photos": self._photo_records(),
             }
         )
+
+    def _last_record(self) -> dict[str, Any]:
+        last = self.taken.get(self._last)
+        seen = last.corners if last else None
+        return {
+            "name": self._last,
+            "remarks": last.remarks if last else "",
+            "corners": [] if seen is None else seen.pixel.round(1).tolist(),
+        }
+
+    def _photo_records(self) -> list[dict[str, Any]]:
+        fitted = self.guidance.fitted if self.guidance else None
+        errors = {one.image: one.rms_px for one in fitted.fit.per_image} if fitted else {}
+        _, held = self._held_out or (None, {})
+        return [
+            {
+                "name": name,
+                "px": errors.get(name),
+                "held": held.get(name),
+                "out": name in self.left_out,
+                "remarks": one.remarks,
+            }
+            for name, one in self.taken.items()
+        ]
 
 
 def _stamp(path: Path) -> _Stamp | None:
