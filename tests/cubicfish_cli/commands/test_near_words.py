@@ -16,8 +16,8 @@ from cubicfish import Target, TargetError
         ("calibrate a.csv --refine-target shapes", "did you mean 'shape'?", ", "),
         ("export c --to openvc", "did you mean 'opencv'?", ", "),
         ("undistort a.png b.png --view round", "known: perspective, ", "did you mean"),
-        ("calibrate a --boards 9x6", "'--board'", "--report"),
-        ("calibrate a --photos b", "'--photos'", "--report"),
+        ("calibrate a --boards 9x6", "--board", "--report"),
+        ("calibrate a --photos b", "--photos", "--report"),
     ],
 )
 def test_the_nearest_word_is_proposed_if_it_is_near(line: str, said: str, not_said: str) -> None:

@@ -15,7 +15,7 @@ from running import Run
 from samples import ROOT, SAMPLE
 
 import cubicfish_cli
-from cubicfish_cli.extension_table import TABLE
+from cubicfish_cli.extension_table import TABLE, Extension
 
 
 def copied_without(name: str, folder: Path) -> None:
@@ -69,13 +69,21 @@ def run_without(folder: Path, lines: Sequence[Sequence[object]]) -> list[Done]:
     return [Done(*one) for one in said]
 
 
+def without(name: str) -> list[Extension]:
+    """An extension, and those that say that they need it."""
+    gone, table = [name], {one: resolve_name(place) for one, place in TABLE.items()}
+    for one in gone:
+        gone += [other for other, own in table.items() if one in own.needs and other not in gone]
+    return [table[one] for one in gone]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(TABLE))
 def test_nothing_else_needs_an_extension(
     name: str, calibrated: Path, run: Run, tmp_path: Path
 ) -> None:
     copied_without(name, tmp_path)
-    gone = [one.rpartition(" ")[::2] for one in resolve_name(TABLE[name]).commands]
+    gone = [one.rpartition(" ")[::2] for own in without(name) for one in own.commands]
     corners, target = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
     photo, flat = SAMPLE / "photos" / "corner_01.jpg", tmp_path / "flat.jpg"
     lines: dict[str, list[object]] = {

@@ -63,8 +63,12 @@ def write_video(
 
 def frames_of(path: Path, pix_fmt: str) -> list[tuple[float, np.ndarray]]:
     with av.open(str(path)) as container:
+        # Older versions of PyAV take no notice of a frame's own range.
         return [
-            (round(float(frame.pts * frame.time_base) * 1000), frame.to_ndarray(format=pix_fmt))
+            (
+                round(float(frame.pts * frame.time_base) * 1000),
+                frame.to_ndarray(format=pix_fmt, src_color_range=frame.color_range or None),
+            )
             for frame in container.decode(video=0)
         ]
 

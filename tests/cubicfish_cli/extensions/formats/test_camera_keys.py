@@ -37,12 +37,12 @@ def brown(x, y, p1, p2):
 
 
 def fisheye(rays, fx, fy, cx, cy, k):
-    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], float)
     return cv2.fisheye.projectPoints(rays[:, None], NONE, NONE, matrix, np.array(k))[0][:, 0]
 
 
 def pinhole(rays, fx, fy, cx, cy, d):
-    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], float)
     return cv2.projectPoints(rays, NONE, NONE, matrix, np.array(d))[0][:, 0]
 
 
