@@ -44,6 +44,10 @@ def widest(text: str) -> int:
     return max(map(cell_len, unstyled(text).replace("\r", "").split("\n")))
 
 
+# The cursor is hidden while a bar moves, and its line is wiped out in the end.
+_PROGRESS = re.compile(r"\x1b\[\?25l.*?\x1b\[\?25h\s*(?:\x1b\[1A)?(?:\x1b\[2K)?", re.DOTALL)
+
+
 @dataclass(frozen=True)
 class Ended:
     """A program that ran on a terminal: its exit code, and what it printed where."""
@@ -51,6 +55,11 @@ class Ended:
     code: int
     screen: str
     stdout: str
+
+    @property
+    def settled(self) -> str:
+        """What stays on the screen when progress, which slow machines show, is gone."""
+        return _PROGRESS.sub("", self.screen)
 
 
 def on_terminal(

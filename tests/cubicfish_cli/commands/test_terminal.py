@@ -94,8 +94,8 @@ def test_a_terminal_gets_colours_and_lines_that_fit(calibrated: Path) -> None:
     assert ended.code == 0
     assert "\x1b[32mgood\x1b[0m" in ended.screen
     assert "\x1b[1mphoto" in ended.screen
-    assert widest(ended.screen) <= 60
-    rows = [line.split() for line in unstyled(ended.screen).splitlines()]
+    assert widest(ended.settled) <= 60
+    rows = [line.split() for line in unstyled(ended.settled).splitlines()]
     assert sum(row[0].startswith("corner_") for row in rows if row) == 10
 
 
@@ -104,9 +104,9 @@ def test_no_color_and_forty_columns(calibrated: Path) -> None:
     model = calibrated / "camera.yaml"
     ended = on_terminal("evaluate", CORNERS, "-t", TARGET, "-m", model, columns=40, NO_COLOR="1")
     assert ended.code == 0
-    assert "\x1b" not in ended.screen
-    assert widest(ended.screen) <= 40
-    header = next(line for line in ended.screen.splitlines() if line.startswith("photo"))
+    assert "\x1b" not in ended.settled
+    assert widest(ended.settled) <= 40
+    header = next(line for line in ended.settled.splitlines() if line.startswith("photo"))
     assert "rms px" in header
     assert "verdict" in header
     assert "median" not in header

@@ -257,7 +257,7 @@ MATCHES = {"search", "match", "fullmatch", "sub", "findall", "split"}
 FOREIGN = {
     ("workers/cluster.py", "connect"): "what distributed says, on one line",
     ("extension_guard.py", "_read_formats"): "what Python says of a key that no format has",
-    ("photos/photos.py", "picture"): "whether OpenCV's limit of pixels was the reason",
+    ("photos/photos.py", "_decode"): "whether OpenCV's limit of pixels was the reason",
     ("undistortion/map_formats.py", "write_exr"): "why OpenEXR could not write",
 }
 
