@@ -7,6 +7,7 @@ import numpy as np
 
 PYTHON = "/usr/bin/python3"
 NEEDS = ("mrcal", "apt-get install python3-mrcal python3-scipy")
+VERSION = ["dpkg-query", "-W", "python3-mrcal"]
 VARIANTS = {"mrcal OPENCV8": 1, "mrcal splined": 1}
 EXPORT = "its own .cameramodel, without loss"
 SPLINES = "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=10_Ny=8_fov_x_deg={:.0f}"
