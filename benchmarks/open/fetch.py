@@ -49,12 +49,9 @@ def repository(repo, out, snapshots, commit):
         raise Unavailable(f"{snapshots} has no {name}")
     here = out / ".clones" / repo.replace("/", "+")
     if not (here / "HEAD").exists():
-        here.mkdir(parents=True, exist_ok=True)
-        git(here, "init", "-q", "--bare")
-        git(here, "remote", "add", "origin", GITHUB.format(repo))
-        git(here, "config", "remote.origin.promisor", "true")
-        git(here, "config", "remote.origin.partialclonefilter", "blob:none")
-    # Names and folders only; photos come one by one, when they are asked for.
+        # Names and folders only; photos come one by one, when they are asked for.
+        how = ("--bare", "--depth=1", "--filter=blob:none")
+        git(out, "clone", "-q", *how, GITHUB.format(repo), str(here.resolve()))
     git(here, "fetch", "-q", "--depth=1", "origin", commit or "HEAD")
     git(here, "update-ref", "HEAD", "FETCH_HEAD")
     return here
@@ -96,11 +93,8 @@ def brought(name, record, out, snapshots, known):
     for licence in [one for one in names if LICENCE.match(one)][:1]:
         (folder / "LICENSE").write_bytes(git(here, "cat-file", "blob", f"{commit}:{licence}"))
     (folder / "target.yaml").write_text(record["target"], encoding="utf-8")
-    test = re.compile(record.get("test", "$^"))
-    source = {
-        "repo": GITHUB.format(record["repo"]), "commit": commit,
-        "test": [own for own, path in paths.items() if test.search(path)],
-    }  # fmt: skip
+    test = [own for own, path in paths.items() if re.search(record.get("test", "$^"), path)]
+    source = {"repo": GITHUB.format(record["repo"]), "commit": commit, "test": test}
     (folder / "source.json").write_text(json.dumps(source, indent=1), encoding="utf-8")
     shutil.rmtree(out / name, ignore_errors=True)
     folder.rename(out / name)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 FOLDS = 5
+CELLS = (16, 12)  # parts of the photo
 LEAST = 6  # corners that make a photo worth fitting
 PLAUSIBLE = 0.005  # an RMS above so much of the width is a fit that went astray
 
@@ -88,6 +89,13 @@ class Job:
     def judged(self):
         """The photos as measure.evaluated takes them."""
         return [(point, pixel, self.board[point]) for _, _, point, pixel in self.photos]
+
+    def spread(self):
+        """A corner of each part of the field that has any: their numbers, and pixels (N, 2)."""
+        pixel = np.concatenate([one[3] for one in self.photos])
+        cell = np.floor(pixel / self.size * CELLS) @ [1, CELLS[0]]
+        first = np.unique(cell, return_index=True)[1]
+        return first, pixel[first]
 
     def table(self):
         """A corners.csv of these photos."""

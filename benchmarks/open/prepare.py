@@ -40,9 +40,8 @@ def photos_of(camera, target, folder):
 
 def first_lines(licence):
     """What it is called and whose it is, in most licences; "none stated" if there is none."""
-    if not licence.exists():
-        return "none stated"
-    lines = licence.read_text(encoding="utf-8", errors="replace").splitlines()
+    text = licence.read_text("utf-8", "replace") if licence.exists() else "none stated"
+    lines = text.splitlines()
     return " ".join([line.strip(" #") for line in lines if line.strip(" #")][:2])
 
 

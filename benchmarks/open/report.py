@@ -67,6 +67,7 @@ def row_of(folder, count):
     if any("drawn" in one for one in good):  # in some folds the board may have been left as it is
         errors["drawn"] = [one.get("drawn", one["px"]) for one in good]
     told = [str(one["export_problem"]) for one in good if "export_problem" in one]
+    lost = [str(pieces.get(one, {}).get("problem", "")) for one in ("halves", "detect")]
     if "EXPORT" in about and not told:  # without loss, where nothing else is known
         errors["export"] = errors["export"] or errors["px"]
     for name in [one for one in errors if errors[one]]:
@@ -79,7 +80,7 @@ def row_of(folder, count):
         row["folds"] = f"{len(good)} of {count}"
     if "recalled" in found:
         row["recall"], row["recalled"] = found["recalled"].mean(), found["recalled"]
-    row["remarks"] = "; ".join(dict.fromkeys([str(found.get("problem", "")), *told]))
+    row["remarks"] = "; ".join(dict.fromkeys(filter(None, [*lost, *told])))
     return about["tool"], row
 
 
@@ -139,8 +140,7 @@ def shown(value, digits=3):
         return "–"
     if isinstance(value, str):
         return html.escape(value)
-    large = f"{value:.0f}" if value < 1e6 else f"{value:.0e}"
-    return f"{value:.{digits}f}" if value < 1000 else large.replace("inf", "∞")
+    return f"{value:.{digits if value < 1000 else 0}f}" if value < 1e6 else "∞"
 
 
 def table(head, rows):

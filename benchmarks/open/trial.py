@@ -19,7 +19,6 @@ from job import PLAUSIBLE, Job
 from measure import apart, evaluated
 
 RECALL_PX = 2.0  # a detector's corner this near to one of the table is that corner
-CELLS = (16, 12)  # of the photo, of which each gives one ray to the halves
 
 
 class Trial:
@@ -76,10 +75,8 @@ class Trial:
         job = self.job
         model, lens, world, told = self.fitted(job)
         pixel, _, _, rays = evaluated(lens, world, job.judged())
-        cell = np.floor(np.concatenate([one[3] for one in job.photos]) / job.size * CELLS)
-        spread = np.unique(cell @ [1, CELLS[0]], return_index=True)[1]
         return {
-            "px": pixel, "rays": rays[spread], "seconds": told["seconds"],
+            "px": pixel, "rays": rays[job.spread()[0]], "seconds": told["seconds"],
             "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
             "lines": inspect.getsource(self.tool.fit).strip().count("\n") - 1,
             "note": str(model.get("note", "")),
@@ -109,13 +106,19 @@ class Trial:
 
     def halves(self):
         """How far lenses of every other photo are apart, over the field."""
-        lenses = [self.fitted(self.job.of(self.job.photos[half::2]))[1] for half in (0, 1)]
+        lenses = []
+        for job in [self.job.of(self.job.photos[half::2]) for half in (0, 1)]:
+            _, lens, world, _ = self.fitted(job)
+            if np.median(evaluated(lens, world, job.judged())[0]) > PLAUSIBLE * job.size[0]:
+                # Two that give up at the same guess would agree.
+                raise ValueError("no lens that fits the half of the photos that it was fitted to")
+            lenses.append(lens)
         far = 1e4 * np.ptp(self.job.world, axis=0).max()
         return {"px": apart(*lenses, far * known(self.folder, "full")["rays"])}
 
     def detect(self):
         """What the tool's own detector finds of the table's corners, and its own table."""
-        image, points, pixels, recalled = [], [], [], []
+        found = {"image": [], "point": [], "pixel": [], "recalled": []}
         for number, (_, file, _, pixel) in enumerate(self.job.photos):
             try:
                 point, own = self.tool.detect(file, self.job)
@@ -124,13 +127,13 @@ class Trial:
             except Exception:  # of this photo; the others may do
                 traceback.print_exc()
                 point, own = [], []
-            pixels.append(np.reshape(np.asarray(own, float), (-1, 2)))
-            points.append(np.asarray(point, int))
-            image.append(np.full(len(point), number))
-            away = np.linalg.norm(pixel[:, None] - pixels[-1], axis=-1)
-            recalled.append((away <= RECALL_PX).any(axis=1))
-        names, parts = ("image", "point", "pixel", "recalled"), (image, points, pixels, recalled)
-        return {name: np.concatenate(part) for name, part in zip(names, parts, strict=True)}
+            own = np.reshape(np.asarray(own, float), (-1, 2))
+            away = np.linalg.norm(pixel[:, None] - own, axis=-1)
+            found["image"].append(np.full(len(point), number))
+            found["point"].append(np.asarray(point, int))
+            found["pixel"].append(own)
+            found["recalled"].append((away <= RECALL_PX).any(axis=1))
+        return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
 def spent():

@@ -21,8 +21,7 @@ def fit(job, variant, start):
     """``cubicfish calibrate corners.csv``; what it prints is what it claims."""
     pairs = load_corners(job.table(), Target.load(job.target))
     found = calibrate(pairs, refine_target="off" if "drawn" in variant else "auto")
-    x, y = np.meshgrid(*(np.linspace(0, side - 1, 24) for side in job.size))
-    sigma = found.uncertainty(np.stack([x, y], axis=-1))
+    sigma = found.uncertainty(job.spread()[1])
     claimed = {"rms_px": found.errors.rms_px, "uncertainty_px": float(np.nanmedian(sigma))}
     if found.held_out:
         claimed["held_out_px"] = found.held_out.rms_px
