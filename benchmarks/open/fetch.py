@@ -96,7 +96,6 @@ def brought(name, record, out, snapshots, known):
     test = [own for own, path in paths.items() if re.search(record.get("test", "$^"), path)]
     source = {"repo": GITHUB.format(record["repo"]), "commit": commit, "test": test}
     (folder / "source.json").write_text(json.dumps(source, indent=1), encoding="utf-8")
-    shutil.rmtree(out / name, ignore_errors=True)
     folder.rename(out / name)
     return {"commit": commit, "sha256": hashes}
 

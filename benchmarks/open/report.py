@@ -1,4 +1,4 @@
-"""results.csv and one page of all that run.py left: ``report.py WORK NAMES``."""
+"""results.csv and one page of all that run.py left: ``report.py WORK WHAT``."""
 
 import csv
 import html
@@ -230,8 +230,7 @@ def page(cameras, tools, missing):
 
 def main():
     """Write results.csv and index.html."""
-    work, (names, tools) = Path(sys.argv[1]), json.loads(sys.argv[2])
-    missing = json.loads((work / "missing.json").read_text(encoding="utf-8"))
+    work, (names, tools, missing) = Path(sys.argv[1]), json.loads(sys.argv[2])
     cameras, lines = {}, []
     for name in [one for one in names if one not in missing]:
         job = Job(work / "jobs" / name / "job.npz")

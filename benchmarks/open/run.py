@@ -200,8 +200,7 @@ def main():
         except KeyboardInterrupt:
             pool.shutdown(cancel_futures=True)
             sys.exit("stopped; the same command goes on from here")
-    (work / "missing.json").write_text(json.dumps(missing))
-    status, said = call(python, "report.py", work, json.dumps([names, wanted]))
+    status, said = call(python, "report.py", work, json.dumps([names, wanted, missing]))
     print(said.strip())
     sys.exit(status)
 

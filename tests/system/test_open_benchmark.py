@@ -101,6 +101,24 @@ def test_corners_without_a_pixel_count_as_lost_and_do_not_turn_the_pose(load):
     assert miss[~lost].max() < 1e-3
 
 
+def test_where_a_lens_ends_corners_beyond_do_not_hold_the_pose(load):
+    """The board stands across 90°, where cv2.fisheye ends: of what it sees the pose is right."""
+    from scipy.spatial.transform import Rotation
+
+    world, _ = board_and_photos()
+    seen = Rotation.from_rotvec([0.0, 1.5, 0.0]).apply(world) + [180, -60, 60]
+    assert 0.2 < (seen[:, 2] > 0).mean() < 0.8
+
+    def half_blind(points):
+        return np.where(points[:, 2:] > 0, equidistant(points), np.nan)
+
+    # A start that is a little off has other corners in front of the lens than the right pose.
+    photos = [(np.arange(len(world)), equidistant(seen), np.zeros(len(world), int))]
+    miss, _, _, _ = load("measure").evaluated(half_blind, world, photos)
+    assert np.array_equal(np.isinf(miss), seen[:, 2] <= 0)
+    assert miss[np.isfinite(miss)].max() < 1e-3
+
+
 def test_lenses_apart_are_compared_once_turned(load):
     from scipy.spatial.transform import Rotation
 

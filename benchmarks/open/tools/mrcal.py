@@ -71,9 +71,8 @@ def fit(job, variant, start):
     warp = problem["calobject_warp"] = np.zeros(2)
     rms = solved(problem, calobject_warp=True)
     bent = mrcal.ref_calibration_object(columns, rows, side, calobject_warp=warp)[..., 2]
-    lens = (model, problem["intrinsics"][0])
     return {
-        "lens": lens,
+        "lens": (model, problem["intrinsics"][0]),
         "world": job.lifted(bent[job.row, job.column]),
         "claimed": {"rms_px": rms},
     }
