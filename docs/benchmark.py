@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import math
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -17,7 +18,7 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "benchmarks" / "open"))
 
-from report import COLUMNS, best_by_column, standing  # noqa: E402
+from report import COLUMNS, best_by_column, shown, standing  # noqa: E402
 
 PAGE, RESULTS = HERE / "benchmark.md", HERE / "benchmark.csv"
 BEGIN, END = "<!-- made by docs/benchmark.py from here -->", "<!-- to here -->"
@@ -61,14 +62,6 @@ def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     names = list(head)
     lines = [names, ["---", *["--:"] * (len(names) - 1)], *map(list, rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def shown(value: Any, digits: int = 3) -> str:
-    """A figure as people read it: three digits, more before the point than behind it."""
-    if not isinstance(value, float):
-        return "–"
-    large = f"{value:.0f}" if value < 1e6 else f"{value:.0e}"
-    return f"{value:.{digits}f}" if value < 100 else large.replace("inf", "∞")
 
 
 def held_out(cameras: dict[str, dict[str, Row]], tools: list[str]) -> str:
@@ -181,9 +174,9 @@ def differences(first: Path, second: Path) -> list[str]:
             other = known.get(name, {}).get(tool, {})
             for key, value in row.items() if other else ():
                 a, b = other.get(key), value
-                if key in COSTS or not isinstance(b, float) or a == b:
+                if key in COSTS or not isinstance(b, float):
                     continue
-                if not isinstance(a, float) or not abs(a - b) <= SAME * max(abs(a), abs(b)):
+                if not isinstance(a, float) or not math.isclose(a, b, rel_tol=SAME):
                     lines.append(f"{name}, {tool}: {key} {a} and {b}")
     return lines
 

@@ -102,21 +102,19 @@ def test_corners_without_a_pixel_count_as_lost_and_do_not_turn_the_pose(load):
 
 
 def test_where_a_lens_ends_corners_beyond_do_not_hold_the_pose(load):
-    """The board stands across 90°, where cv2.fisheye ends: of what it sees the pose is right."""
+    """The board stands across 90°, where cv2.fisheye ends; the lens is half a percent off."""
     from scipy.spatial.transform import Rotation
 
-    world, _ = board_and_photos()
-    seen = Rotation.from_rotvec([0.0, 1.5, 0.0]).apply(world) + [180, -60, 60]
-    assert 0.2 < (seen[:, 2] > 0).mean() < 0.8
-
     def half_blind(points):
-        return np.where(points[:, 2:] > 0, equidistant(points), np.nan)
+        return np.where(points[:, 2:] > 0, equidistant(points, 201.0), np.nan)
 
-    # A start that is a little off has other corners in front of the lens than the right pose.
+    world, _ = board_and_photos()
+    seen = Rotation.from_rotvec([0.1, 1.4, 0.0]).apply(world) + np.array([300, -60, 90])
     photos = [(np.arange(len(world)), equidistant(seen), np.zeros(len(world), int))]
     miss, _, _, _ = load("measure").evaluated(half_blind, world, photos)
     assert np.array_equal(np.isinf(miss), seen[:, 2] <= 0)
-    assert miss[np.isfinite(miss)].max() < 1e-3
+    assert 0.5 < np.isfinite(miss).mean() < 0.6
+    assert miss[np.isfinite(miss)].max() < 0.2
 
 
 def test_lenses_apart_are_compared_once_turned(load):
@@ -259,10 +257,8 @@ def project(model, points):
 """
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("crash", ["os.abort()", "raise ValueError('no')", "while True: pass"])
-def test_a_failure_is_a_row_and_the_rest_is_measured(load, tmp_path, crash):
-    """The fold without the first photo fails; and what is done is not done again."""
+def job_and_folder(tmp_path):
+    """Five photos of one board, and where a tool's results go."""
     world, photos = board_and_photos()
     photos = [photos[k % 3] for k in range(5)]
     y, x = np.divmod(np.arange(35), 7)
@@ -276,6 +272,28 @@ def test_a_failure_is_a_row_and_the_rest_is_measured(load, tmp_path, crash):
         point=np.tile(np.arange(35), 5), pixel=np.concatenate([one[1] for one in photos]),
         test=[False] * 5,
     )  # fmt: skip
+    return job, folder
+
+
+def test_halves_of_a_tool_that_gives_up_at_its_guess_do_not_agree(load, tmp_path):
+    job, folder = job_and_folder(tmp_path)
+    adapter = tmp_path / "tool.py"
+    for focal in (200.0, 60.0):
+        adapter.write_text(ADAPTER.replace("CRASH", "pass").replace("200.0", str(focal)))
+        trial = load("trial").Trial(adapter, "tool", job, folder)
+        np.savez(folder / "full.npz", **trial.run("full"))
+        if focal == 200.0:
+            assert trial.run("halves")["px"].max() < 1e-6
+        else:
+            with pytest.raises(ValueError, match="no lens that fits"):
+                trial.run("halves")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("crash", ["os.abort()", "raise ValueError('no')", "while True: pass"])
+def test_a_failure_is_a_row_and_the_rest_is_measured(load, tmp_path, crash):
+    """The fold without the first photo fails; and what is done is not done again."""
+    job, folder = job_and_folder(tmp_path)
     adapter = tmp_path / "tool.py"
     adapter.write_text(ADAPTER.replace("CRASH", crash))
     run = load("run")
