@@ -25,6 +25,7 @@ from cubicfish.fit.lenses import CubicFit
 from cubicfish.fit.nearest_cubic import MARGIN_DEG
 from cubicfish.fit.uncertainty import Uncertainty, camera_uncertainty
 from cubicfish.models.sphere import cone_rays
+from cubicfish.solve.chances import normal_quantile, student_quantile
 from cubicfish.solve.leave_one_out import LeaveOneOut
 from cubicfish.target.observations import Observations
 from cubicfish.types import FloatArray, IntArray
@@ -125,9 +126,7 @@ def variance_of_few(variance: FloatArray, clusters: int) -> FloatArray:
     It is enlarged so that errors exceed the bound that nine in ten should stay within, 1.645 times
     its root, as often as they would with the true one: by Student's t.
     """
-    from scipy.special import ndtri, stdtrit  # slow to load
-
-    larger = (stdtrit(clusters - 1, _WITHIN) / ndtri(_WITHIN)) ** 2
+    larger = (student_quantile(clusters - 1, _WITHIN) / normal_quantile(_WITHIN)) ** 2
     return variance * larger
 
 

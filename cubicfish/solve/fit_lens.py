@@ -14,6 +14,8 @@ import numpy as np
 from cubicfish.errors import FitError
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.lens import Lens
+from cubicfish.solve.descent import descended
+from cubicfish.solve.normal_equations import gram
 from cubicfish.types import FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ L = TypeVar("L", bound=Lens)
 
 # Error of a ray that a lens does not see: its cost rejects a step to such a lens.
 _BLIND_PX = 1e4
-_MOST_STEPS = 200
+_MOST_STEPS, _RELATIVE_DECREASE = 200, 1e-10
 
 
 class FitLens:
@@ -183,19 +185,13 @@ def nearest_lens(
 
 
 def _fit_least_squares(start: FreeLens[L], rays: FloatArray, pixel: FloatArray) -> tuple[float, L]:
-    """Fit from one start: the cost, and the lens."""
-    from scipy.optimize import least_squares  # slow to load, and seldom needed
+    """Fit from one start by Levenberg–Marquardt: the cost, and the lens."""
 
-    def residual(parameters: FloatArray) -> FloatArray:
-        miss = start.with_parameters(parameters).project(rays) - pixel
-        return np.where(np.isfinite(miss), miss, _BLIND_PX).reshape(-1)
-
-    def slope(parameters: FloatArray) -> FloatArray:
-        by_parameter = start.with_parameters(parameters).pixel_and_slopes(rays)[2]
-        return np.nan_to_num(by_parameter).reshape(2 * len(rays), -1)
+    def square_of(lens: FreeLens[L]) -> FloatArray:
+        miss = (lens.project(rays) - pixel).reshape(-1)
+        slope = lens.pixel_and_slopes(rays)[2].reshape(len(miss), -1)
+        return gram(np.nan_to_num(slope), np.where(np.isfinite(miss), miss, _BLIND_PX))
 
     with np.errstate(all="ignore"):
-        found = least_squares(
-            residual, start.parameters, jac=slope, method="lm", x_scale="jac", max_nfev=_MOST_STEPS
-        )
-    return float(found.cost), start.with_parameters(found.x).lens
+        found, square = descended(start, square_of, _RELATIVE_DECREASE, _MOST_STEPS)
+    return float(square[-1, -1]), found.lens
