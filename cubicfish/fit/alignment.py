@@ -18,7 +18,7 @@ _HUBER_PX = 1.0
 # Rounds of least squares: each takes the rays that the last rotation puts into both fields.
 _FIT_ROUNDS = 3
 _FRAME_RAYS = 2000
-_MOST_STEPS, _STEADY = 100, 1e-12
+_MOST_STEPS, _STEADY = 100, 1e-10
 # Step of a difference that stands for a derivative, radians.
 _STEP = 1e-7
 # Of a step that raises the loss, these shares are tried.

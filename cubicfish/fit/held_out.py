@@ -213,6 +213,7 @@ def pose_only_residual(
     fit = adjust(
         lens, poses[photos], own, _WIDE_PX, relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING
     )
-    # Once more, with a loss that follows the residuals of the first fit.
-    fit = fit.again(relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING)
+    # Once more, with a loss that follows the residuals of the first fit, if it differs for any.
+    if np.square(fit.residual).sum(axis=1).max() > min(wide_px(fit.errors), _WIDE_PX) ** 2:
+        fit = fit.again(relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING)
     return poses.with_photos(photos, fit.poses), fit.residual, index
