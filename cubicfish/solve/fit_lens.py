@@ -25,7 +25,7 @@ L = TypeVar("L", bound=Lens)
 
 # Error of a ray that a lens does not see: its cost rejects a step to such a lens.
 _BLIND_PX = 1e4
-_MOST_STEPS, _RELATIVE_DECREASE = 200, 1e-10
+_MOST_STEPS, _STEADY = 200, 1e-10
 
 
 class FitLens:
@@ -184,8 +184,11 @@ def nearest_lens(
     return found
 
 
-def _fit_least_squares(start: FreeLens[L], rays: FloatArray, pixel: FloatArray) -> tuple[float, L]:
-    """Fit from one start by Levenberg–Marquardt: the cost, and the lens."""
+def lens_beside(start: L, rays: FloatArray, pixel: FloatArray, *, fixed: Collection[str] = ()) -> L:
+    """The lens nearest to pixels, from one that is near already and sees nearly the same.
+
+    The arguments are those of :func:`nearest_lens`, which goes farther, and takes long to load.
+    """
 
     def square_of(lens: FreeLens[L]) -> FloatArray:
         miss = (lens.project(rays) - pixel).reshape(-1)
@@ -193,5 +196,23 @@ def _fit_least_squares(start: FreeLens[L], rays: FloatArray, pixel: FloatArray) 
         return gram(np.nan_to_num(slope), np.where(np.isfinite(miss), miss, _BLIND_PX))
 
     with np.errstate(all="ignore"):
-        found, square = descended(start, square_of, _RELATIVE_DECREASE, _MOST_STEPS)
-    return float(square[-1, -1]), found.lens
+        return descended(FreeLens.of(start, fixed), square_of, _STEADY, _MOST_STEPS)[0].lens
+
+
+def _fit_least_squares(start: FreeLens[L], rays: FloatArray, pixel: FloatArray) -> tuple[float, L]:
+    """Fit from one start: the cost, and the lens."""
+    from scipy.optimize import least_squares  # slow to load, and seldom needed
+
+    def residual(parameters: FloatArray) -> FloatArray:
+        miss = start.with_parameters(parameters).project(rays) - pixel
+        return np.where(np.isfinite(miss), miss, _BLIND_PX).reshape(-1)
+
+    def slope(parameters: FloatArray) -> FloatArray:
+        by_parameter = start.with_parameters(parameters).pixel_and_slopes(rays)[2]
+        return np.nan_to_num(by_parameter).reshape(2 * len(rays), -1)
+
+    with np.errstate(all="ignore"):
+        found = least_squares(
+            residual, start.parameters, jac=slope, method="lm", x_scale="jac", max_nfev=_MOST_STEPS
+        )
+    return float(found.cost), start.with_parameters(found.x).lens
