@@ -59,7 +59,7 @@ class Gauge:
         cls, lens: CubicFit | FreeLens[RadialCamera], points: FloatArray, times: float = 1.0
     ) -> Gauge:
         """Take the turn out over corners (N, 3), camera frame; each counts ``times`` times."""
-        turned, by_lens = _differentiate_far(lens, points)
+        turned, by_lens = differentiate_far(lens, points)
         return cls(lens=lens, by_turn=times * turned.T @ turned, by_both=times * turned.T @ by_lens)
 
     def __add__(self, other: Gauge) -> Gauge:
@@ -70,7 +70,7 @@ class Gauge:
 
     def by_lens(self, rays: FloatArray) -> FloatArray:
         """(2N, K) derivatives of distant points' pixels (N, 3) by the lens, without the turn."""
-        turned, by_lens = _differentiate_far(self.lens, rays)
+        turned, by_lens = differentiate_far(self.lens, rays)
         return np.asarray(by_lens - turned @ self.turn)
 
     @cached_property
@@ -79,7 +79,7 @@ class Gauge:
         return np.asarray(np.linalg.lstsq(self.by_turn, self.by_both, rcond=None)[0])
 
 
-def _differentiate_far(
+def differentiate_far(
     lens: CubicFit | FreeLens[RadialCamera], points: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives of distant points' pixels, by the camera's turn (2N, 3) and by lens (2N, K)."""

@@ -7,6 +7,7 @@ of its photos on lens and target, and a photo that is not taken yet adds its own
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +22,7 @@ from cubicfish.fit.uncertainty import (
     common_gauge,
     corner_noise_px,
     covariance,
+    differentiate_far,
     field_grid,
 )
 from cubicfish.judge.fit_record import FitRecord
@@ -141,6 +143,11 @@ class Knowledge:
         held = np.deg2rad(self.camera.max_angle_deg + _PRIOR_BEYOND_DEG)
         points = points[angle_from_axis(points) <= held]
         _, d_point, d_lens = self.gauge.lens.pixel_and_slopes(points)
+        by_turn, _ = differentiate_far(self.gauge.lens, points)
+        # A pupil that travels may put a point beyond where the lens has slopes.
+        has_slopes = np.isfinite(d_point).all(axis=(1, 2))
+        has_slopes &= np.isfinite(by_turn.reshape(len(points), -1)).all(axis=1)
+        points, d_point, d_lens = points[has_slopes], d_point[has_slopes], d_lens[has_slopes]
         by_lens = d_lens.reshape(-1, d_lens.shape[2])
         length = np.median(np.linalg.norm(points, axis=-1))  # so that shifts are like turns
         moved = np.concatenate([-d_point @ cross_matrix(points), length * d_point], axis=2)
@@ -183,6 +190,22 @@ class Knowledge:
     def over(self, rays: FloatArray) -> FieldUncertainty:
         """The uncertainty over unit rays (N, 3)."""
         return summed(self.uncertainty().sigma_px(rays))
+
+    def over_with(self, others: Sequence[Knowledge], rays: FloatArray) -> list[FieldUncertainty]:
+        """The uncertainty over unit rays (N, 3) with each of some others' information added."""
+        turned, by_lens = differentiate_far(self.gauge.lens, rays)
+        count = by_lens.shape[1]
+        by_turn = self.gauge.by_turn + np.array([one.gauge.by_turn for one in others])
+        by_both = self.gauge.by_both + np.array([one.gauge.by_both for one in others])
+        hessian = self.hessian + np.array([one.hessian for one in others])
+        scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian, axis1=1, axis2=2), 1e-300))
+        inverse = np.linalg.inv(hessian * scale[:, :, None] * scale[:, None])
+        factor = scale[:, :count]
+        lens = inverse[:, :count, :count] * factor[:, :, None] * factor[:, None]
+        changes = by_lens - turned @ np.linalg.solve(by_turn, by_both)
+        variance = ((changes @ lens) * changes).sum(axis=2).reshape(len(others), len(rays), 2)
+        sigma = self.noise_px * np.sqrt(np.maximum(variance.sum(axis=2), 0.0))
+        return [summed(own) for own in sigma]
 
     def as_recorded(self, fit: FitRecord, rays: FloatArray) -> tuple[Knowledge, FieldUncertainty]:
         """The same, scaled to the uncertainty on record over rays (N, 3), and that uncertainty.

@@ -86,13 +86,12 @@ def proposed(
     state, level = knowledge, knowledge.over(rays)
     needed = None
     while len(chosen) < MOST_PHOTOS and not taken.all():
-        tried = [state + photo for photo in added]
-        sums = [one.over(rays) for one in tried]
+        sums = state.over_with(added, rays)
         fill = (filled & empty).sum(axis=(1, 2)) / squares
         left = np.array([_measure_left(after, level) for after in sums])
         best = int(np.argmin(np.where(taken, np.inf, left - fill)))
         chosen.append(Proposal(view=views[best], before=level, after=sums[best]))
-        state, level = tried[best], sums[best]
+        state, level = state + added[best], sums[best]
         empty &= ~filled[best]
         taken[best] = True
         covered = 1 - empty.sum() / squares >= goal.coverage
