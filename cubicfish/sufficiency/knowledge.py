@@ -18,12 +18,12 @@ from cubicfish.fit.lenses import CubicFit
 from cubicfish.fit.prior import EXPECTED, Prior
 from cubicfish.fit.radial_reference import LOST_PX, radial_near
 from cubicfish.fit.uncertainty import (
+    FarSlopes,
     Gauge,
     Uncertainty,
     common_gauge,
     corner_noise_px,
     covariance,
-    differentiate_far,
     field_grid,
 )
 from cubicfish.judge.fit_record import FitRecord
@@ -188,25 +188,14 @@ class Knowledge:
         lens = np.array([shared[: by_lens.shape[1]] for shared, _, _ in steps])
         return np.asarray(np.linalg.norm(by_lens @ lens.T, axis=0) / math.sqrt(len(rays)))
 
-    def over(self, rays: FloatArray) -> FieldUncertainty:
+    def over(self, rays: FloatArray | FarSlopes) -> FieldUncertainty:
         """The uncertainty over unit rays (N, 3)."""
         return summed(self.uncertainty().sigma_px(rays))
 
-    def over_with(self, others: Sequence[Knowledge], rays: FloatArray) -> list[FieldUncertainty]:
-        """The uncertainty over unit rays (N, 3) with each of some others' information added."""
-        turned, by_lens = differentiate_far(self.gauge.lens, rays)
-        count = by_lens.shape[1]
-        by_turn = self.gauge.by_turn + np.array([one.gauge.by_turn for one in others])
-        by_both = self.gauge.by_both + np.array([one.gauge.by_both for one in others])
-        hessian = self.hessian + np.array([one.hessian for one in others])
-        scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian, axis1=1, axis2=2), 1e-300))
-        inverse = np.linalg.inv(hessian * scale[:, :, None] * scale[:, None])
-        factor = scale[:, :count]
-        lens = inverse[:, :count, :count] * factor[:, :, None] * factor[:, None]
-        changes = by_lens - turned @ np.linalg.solve(by_turn, by_both)
-        variance = ((changes @ lens) * changes).sum(axis=2).reshape(len(others), len(rays), 2)
-        sigma = self.noise_px * np.sqrt(np.maximum(variance.sum(axis=2), 0.0))
-        return [summed(own) for own in sigma]
+    def over_with(self, photos: Sequence[Knowledge], rays: FloatArray) -> list[FieldUncertainty]:
+        """The uncertainty over unit rays (N, 3) with each of some photos added."""
+        slopes = FarSlopes.of(self.gauge.lens, rays)
+        return [(self + photo).over(slopes) for photo in photos]
 
     def as_recorded(self, fit: FitRecord, rays: FloatArray) -> tuple[Knowledge, FieldUncertainty]:
         """The same, scaled to the uncertainty on record over rays (N, 3), and that uncertainty.

@@ -75,8 +75,10 @@ def proposed(
     rays: FloatArray,
     goal: Goal,
     proposals: int,
+    *,
+    count: bool = True,
 ) -> tuple[tuple[Proposal, ...], int | None]:
-    """Choose the next photos, and count how many of them reach the goal."""
+    """Choose the next photos, and count how many of them reach the goal, if that is wanted."""
     added = [knowledge.of_photo(view.seen.camera[view.seen.visible]) for view in views]
     filled = np.array([_find_filled(view, gaps) for view in views])
     empty, squares = gaps.cells.empty, max(gaps.cells.field.sum(), 1)
@@ -97,7 +99,7 @@ def proposed(
         covered = 1 - empty.sum() / squares >= goal.coverage
         if needed is None and level.p95_px <= goal.p95_px and covered:
             needed = len(chosen)
-        if len(chosen) >= proposals and needed is not None:
+        if len(chosen) >= proposals and (needed is not None or not count):
             break
     return tuple(chosen[:proposals]), needed
 
