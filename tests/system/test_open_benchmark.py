@@ -384,10 +384,10 @@ def whole(load, tmp_path, monkeypatch):
         (folder / "bin" / "python").write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
         (folder / "bin" / "python").chmod(0o755)
 
-    def rows(*arguments):
+    def rows(*arguments, said=r"^0$"):
         given = ["--snapshots", str(tmp_path / "bare"), "--work", str(work), *arguments]
         monkeypatch.setattr(sys, "argv", ["run.py", *given])
-        with pytest.raises(SystemExit, match=r"^0$"):
+        with pytest.raises(SystemExit, match=said):
             run.main()
         with (work / "results.csv").open(newline="") as stream:
             return {(row["camera"], row["tool"]): row for row in csv.DictReader(stream)}
@@ -395,6 +395,7 @@ def whole(load, tmp_path, monkeypatch):
     return rows, work
 
 
+@pytest.mark.slow
 def test_the_whole_from_snapshots_to_a_page(whole):
     rows, work = whole
     found = rows("--tools", "cubicfish", "OpenCV fisheye")
@@ -427,6 +428,8 @@ def test_the_whole_from_snapshots_to_a_page(whole):
     page = (work / "index.html").read_text()
     assert "own/set" in page
     assert "not here: " in page
+    rows("--cameras", "heer", said="--list names all")
+    rows("--tools", "cubicfsh", said="--list names all")
     # Nothing is done again, and what there is is shown of the tools that are asked for.
     done = {file: file.stat().st_mtime_ns for file in work.glob("results/*/*/*.npz")}
     again = rows("--tools", "cubicfish", "--cameras", "h*")
