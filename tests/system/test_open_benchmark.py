@@ -240,6 +240,18 @@ def test_what_cannot_be_had_says_why(fetch, snapshots, tmp_path):
     assert "Git LFS" in fetch("lfs")[0]["cam"]
 
 
+def test_published_corners_of_several_boards_are_read(load, tmp_path):
+    """Board 4 is the target's second one, whatever its number; the target lacks board 3."""
+    prepare, grids = load("prepare"), [np.arange(6).reshape(2, 3), 6 + np.arange(6).reshape(2, 3)]
+    head = "filename: x/7.pgm\nwidth: 1280\nheight: 800\nnum_corners: 3\nencoding: ascii\n"
+    (tmp_path / "7.orpc").write_text(head + "0,4,1,10.5,20\n3,1,1,0,0\n4,5,1,30,40.25\n")
+    files, names = [tmp_path / "7.orpc"], ["board0", "board4"]
+    size, found = prepare.deltille(files, {"7": "7.pgm"}, names, grids)
+    assert size == [1280, 800]
+    assert found["7.pgm"][0].tolist() == [4, 11]
+    assert found["7.pgm"][1].tolist() == [[10.5, 20], [30, 40.25]]
+
+
 ADAPTER = """
 import os
 import numpy as np
