@@ -27,10 +27,8 @@ from cubicfish.find.detection.seeds import SURE_CORNERS, find_promising
 from cubicfish.types import BoolArray, FloatArray, IntArray
 
 # Texture has squares by the hundred. Boards have the largest pieces, so they come first; after
-# this many pieces that did not grow into a board the search is over. On rendered photos, and on
-# those of eight cameras, one did not at the most before a piece of a board did.
-_MOST_FAILURES = 10
-_MOST_PIECES = 40  # that are told of
+# this many pieces that did not grow into a board the search is over.
+_MOST_FAILURES = 40
 _SQUARE = 4  # corners
 # A grid that has grown to so many times the corners it had, and these at least, goes on growing
 # only if it would be a board. That is one that keeps this share of its corners: of a board's nearly
@@ -139,7 +137,7 @@ def search(pyramid: Pyramid, zoom: float, known: Sequence[Lattice] = ()) -> Sear
     return SearchResult(
         grids=[found[k] for k in kept],
         refused=corners.select(~np.isin(grid, kept)),
-        pieces=unexplained[:_MOST_PIECES],
+        pieces=unexplained[:_MOST_FAILURES],
         grown=len(found) + failures,
     )
 

@@ -241,22 +241,6 @@ def test_texture_is_not_a_board(name):
     assert explain_no_grids(image, found).code
 
 
-def test_a_search_ends_after_ten_pieces_that_are_no_board():
-    """A mesh has squares by the hundred; before it the board is found at once."""
-    mesh = textures()["mesh"].astype(float)
-    noise = np.random.default_rng(0).normal(0, 2, mesh.shape)
-    result = search.search(build_pyramid(mesh + noise), 1.0)
-    assert len(result.pieces) > result.grown == 10
-    assert result.grids == []
-    y, x = np.mgrid[:105, :150]
-    mesh[90:215, 120:290] = 230
-    mesh[100:205, 130:280] = np.where((x // 15 + y // 15) % 2 == 0, 40, 230)
-    mesh = cv2.GaussianBlur(mesh, (0, 0), 0.7)
-    result = search.search(build_pyramid(mesh + noise), 1.0)
-    assert [int(one.lattice.known.sum()) for one in result.grids] == [54]
-    assert result.grown <= 11
-
-
 @pytest.mark.slow
 def test_growth_over_dots_ends_early(monkeypatch):
     """A lattice of small dots is full of saddles: each piece would grow over the whole photo."""
