@@ -173,7 +173,7 @@ def _assess(
     )
     places = repeated_groups(fit.poses, reference.pairs, reference.camera.fx)
     spread: PhotoSpread | Uncertainty
-    if fit.prior == RADIAL:
+    if fit.prior == RADIAL and len(reference.pairs.pixel) < FEWEST_OF_A_CUBIC:
         spread = radial_uncertainty(reference)
     else:
         spread = photo_spread(fit, places, fit.in_doubt)

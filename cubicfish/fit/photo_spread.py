@@ -23,7 +23,7 @@ from cubicfish.fit.decentred import DecentredFit
 from cubicfish.fit.folds import dealt_out
 from cubicfish.fit.lenses import CubicFit
 from cubicfish.fit.nearest_cubic import MARGIN_DEG
-from cubicfish.fit.uncertainty import FarSlopes, Uncertainty, camera_uncertainty
+from cubicfish.fit.uncertainty import FarSlopes, Uncertainty, camera_uncertainty, unanchored
 from cubicfish.models.sphere import cone_rays
 from cubicfish.solve.chances import normal_quantile, student_quantile
 from cubicfish.solve.leave_one_out import LeaveOneOut
@@ -146,16 +146,16 @@ def photo_spread(
 
     """
     reference, count = fit.reference, len(fit.lens.parameters)
-    leave_one_out = LeaveOneOut(fit, _group_photos(places, reference.pairs))
     prior = fit.lens.tie
     assert prior is not None
     rays = cone_rays(reference.covered, _RAYS)
     others = [np.sqrt(likely) * _measure_step(fit.lens, lens, rays) for lens, likely in doubted]
     if fit.runners_up:
-        steps = leave_one_out.steps_under(
+        steps = LeaveOneOut(fit, []).steps_under(
             [prior.apply(fit.lens, reference, fit.errors) for prior in fit.runners_up]
         )
         others += list(np.sqrt([*fit.runners_up.values()])[:, None] * steps[:, :count])
+    leave_one_out = LeaveOneOut(unanchored(fit), _group_photos(places, reference.pairs))
     return PhotoSpread(
         noise=camera_uncertainty(fit),
         left_out=np.array([shared[:count] for shared, _, _ in leave_one_out.steps()]),

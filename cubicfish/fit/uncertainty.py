@@ -192,7 +192,24 @@ def radial_uncertainty(reference: RadialReference) -> Uncertainty:
 
 def camera_uncertainty(fit: CameraFit) -> Uncertainty:
     """Covariance of a fit's lens, from its normal equations at the optimum."""
+    fit = unanchored(fit)
     return covariance(common_gauge(fit), fit.normal.reduced_shared(), corner_noise_px(fit))
+
+
+def unanchored(fit: CameraFit) -> CameraFit:
+    """The fit, which stays where it is, with equations in which no anchor counts as knowledge.
+
+    The prior's lens has its principal point near where the radial reference has it. These very
+    corners put it there, and others would put it elsewhere: on a narrow lens by far more than the
+    anchor lets it move.
+    """
+    tie = fit.lens.tie
+    assert tie is not None
+    lens = replace(fit.lens, tie=replace(tie, lens=replace(tie.lens, anchor_px=np.inf)))
+    change = (lens.pulls() - fit.lens.pulls())[:-1, :-1]
+    shared = fit.normal.shared.copy()
+    shared[: len(change), : len(change)] += change
+    return replace(fit, lens=lens, normal=replace(fit.normal, shared=shared))
 
 
 def field_grid(

@@ -65,6 +65,7 @@ _OF_POINTS = (
     Code.NOT_HELD_OUT,
     Code.OVERFITTED,
     Code.UNCERTAIN,
+    Code.SMALL_FIELD,
     Code.LOW_COVERAGE,
     Code.EXTRAPOLATED,
     Code.MANY_OUTLIERS,

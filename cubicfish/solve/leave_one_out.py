@@ -19,8 +19,9 @@ from cubicfish.types import BoolArray, FloatArray, IntArray
 
 Run = tuple[BoolArray, IntArray, Linearised]
 
-# As a share of the diagonal: unknowns without any remaining photo stay where they are.
-_DAMPING = 1e-9
+# As a share of the diagonal: unknowns without any remaining photo stay where they are. No more: the
+# directions that a narrow lens leaves weak are what photos move it along.
+_DAMPING = 1e-13
 # Least square root of a weight, so that residuals can be divided by it.
 _SMALLEST_ROOT = 1e-6
 # So many pairs' derivatives are kept in place of computing them twice: some megabytes.

@@ -25,6 +25,7 @@ from cubicfish.fit.uncertainty import (
     corner_noise_px,
     covariance,
     field_grid,
+    unanchored,
 )
 from cubicfish.judge.fit_record import FitRecord
 from cubicfish.judge.uncertainty import FieldUncertainty, summed
@@ -122,7 +123,7 @@ class Knowledge:
                 pupil_travel=result.lens.pupil_travel * scale,
             ),
             gauge=common_gauge(result),
-            hessian=result.normal.reduced_shared(),
+            hessian=unanchored(result).normal.reduced_shared(),
             noise_px=corner_noise_px(result),
             scale=scale,
             result=result,

@@ -55,6 +55,14 @@ def _low_coverage(share: float) -> Said:
     return Said(what, do="mark points in the empty parts")
 
 
+@WORDS.finding(Code.SMALL_FIELD, "points")
+def _small_field(share: float) -> Said:
+    return Said(
+        f"only {whole(share)} of the photo is calibrated, as far as points say enough",
+        do="mark points nearer to the rim, if the lens shows more than that",
+    )
+
+
 @WORDS.finding(Code.EXTRAPOLATED, "points")
 def _extrapolated(covered_deg: float, around_deg: float, edge_px: float) -> Said:
     return Said(

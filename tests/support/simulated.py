@@ -106,7 +106,7 @@ def simulated_corners(
     for one, scale in zip(seen, factor, strict=True):
         true = one.pixel[one.visible]
         own = errors.noise * rng.standard_normal(true.shape)
-        both = errors.shared * _smooth(true, errors.width * min(size), rng)
+        both = errors.shared * smooth_errors(true, errors.width * min(size), rng)
         pixel.append(true)
         found.append(true + scale * (own + both))
     corners = Observations.from_corners(
@@ -124,7 +124,7 @@ def simulated_corners(
     )
 
 
-def _smooth(pixel: FloatArray, width: float, rng: np.random.Generator) -> FloatArray:
+def smooth_errors(pixel: FloatArray, width: float, rng: np.random.Generator) -> FloatArray:
     """A random smooth field at pixels (N, 2) -> (N, 2), of variance 1 along x and along y.
 
     Random waves (Rahimi and Recht 2007), correlated as a Gaussian of standard deviation ``width``.

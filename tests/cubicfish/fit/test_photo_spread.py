@@ -1,17 +1,20 @@
 """What leaving photos out foretells, against cameras from other photos of the same lens."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import synthetic
-from simulated import CornerErrors, simulated_corners
+from simulated import CornerErrors, simulated_corners, smooth_errors
 from synthetic_lenses import synthetic_lens
 
+from cubicfish import Target, load_corners
 from cubicfish.comparison import aligned_difference
+from cubicfish.fit import calibrate as fitting
 from cubicfish.fit.cubic_fit import fit_cubic
 from cubicfish.fit.photo_spread import PhotoSpread, photo_spread, variance_of_few
-from cubicfish.fit.prior import Prior
+from cubicfish.fit.prior import FIRMEST, RADIAL, Prior
 from cubicfish.fit.radial_reference import fit_radial
 from cubicfish.fit.uncertainty import camera_uncertainty
 from cubicfish.models.cubic import CubicCamera
@@ -21,6 +24,7 @@ from cubicfish.solve.subset import select, world_scale
 TARGET = synthetic.corner_of_three()
 PRIOR = Prior(spread=1e-3, weight=1.0)
 PHOTOS = 10
+SHARED = Path(__file__).resolve().parents[4] / "shared" / "data"
 
 
 def fitted(seed, errors):
@@ -73,6 +77,52 @@ def test_independent_errors_are_too():
     of_photos, of_noise = observed_over_predicted(CornerErrors(noise=0.1, shared=0, spread=0))
     assert 0.6 < of_photos < 1.5
     assert 0.6 < of_noise < 1.5
+
+
+@pytest.mark.slow
+def test_a_narrow_lens_is_as_uncertain_as_its_principal_point():
+    """Seven photos of small boards: these corners put the anchor where it is, give or take 5 px."""
+    folder, corners = SHARED / "charuco_gopro", SHARED / "corners_before" / "charuco_gopro.csv"
+    if not corners.exists():
+        pytest.skip("no ../shared here")
+    pairs = load_corners(corners, Target.load(folder / "target.yaml"))
+    true = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
+    seen = true.pairs
+    pixel = true.camera.project(true.poses.apply(seen.image, seen.world))
+    ratios = []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        errors = 0.08 * rng.standard_normal(pixel.shape)
+        for photo in range(len(seen.images)):
+            own = seen.image == photo
+            errors[own] += 0.08 * smooth_errors(pixel[own], 120.0, rng)
+            errors[own] *= np.exp(0.5 * rng.standard_normal())
+        reference = fit_radial(replace(seen, pixel=pixel + errors))
+        cubic = fit_cubic(reference, Prior(spread=1e-4, weight=3.0))
+        rays = cone_rays(min(reference.covered, true.camera.max_angle), 200)
+        error, _ = aligned_difference(camera_of(reference, cubic), true.camera, rays)
+        stated = photo_spread(cubic, np.arange(len(seen.images))).sigma_px(rays)
+        ratios.append(np.sqrt(np.nansum(error**2) / np.sum(stated**2)))
+    assert 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.6
+
+
+@pytest.mark.slow
+def test_a_prior_that_hardly_moves_the_camera_hardly_moves_what_is_stated(monkeypatch):
+    lens = replace(synthetic.TRUE_LENS, p=(0.0, 0.0), tilt=(0.0, 0.0))
+    corners, _ = simulated_corners(lens, TARGET, PHOTOS, seed=6, errors=CornerErrors())
+    found = []
+    for prior in (replace(FIRMEST, central=True), RADIAL):
+
+        def held_so(fit, *_, prior=prior):
+            return fit_cubic(fit.reference, prior, start=fit)
+
+        monkeypatch.setattr(fitting, "select_model", held_so)
+        found.append(fitting.calibrate(corners.with_target(TARGET), target=TARGET))
+    one, other = (fit.fit.uncertainty.median_px for fit in found)
+    rays = cone_rays(np.radians(min(fit.camera.max_angle_deg for fit in found)), 200)
+    apart, _ = aligned_difference(found[0].camera, found[1].camera, rays)
+    assert np.nanmax(np.hypot(*apart.T)) < 0.2 * one
+    assert other == pytest.approx(one, rel=0.1)
 
 
 @pytest.mark.slow

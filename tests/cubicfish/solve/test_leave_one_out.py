@@ -130,9 +130,9 @@ def test_what_a_group_put_in_is_what_is_not_left(reference, held):
     for group, (shared, pose, corner) in zip(FOLDS, leave_one_out.steps(), strict=True):
         others = np.setdiff1d(np.arange(8), group)
         rest = leave_one_out._sum_up(others).with_pulls(fit.lens.pulls(), fit.world)
-        assert rest.eliminated(1e-9).keeps_poses == (level == "points")
+        assert rest.eliminated(1e-13).keeps_poses == (level == "points")
         step = shared, pose[others], corner
-        for part, wanted in zip(step, rest.solve(1e-9), strict=True):
+        for part, wanted in zip(step, rest.solve(1e-13), strict=True):
             np.testing.assert_allclose(part, wanted, atol=1e-6 * np.abs(wanted).max(initial=0))
         assert not pose[group].any()
 
@@ -161,7 +161,7 @@ def test_another_prior_steps_as_the_equations_with_it_do(reference):
         shared=normal.shared + change[:-1],
     )
     leave_one_out = LeaveOneOut(result, FOLDS)
-    step = changed.solve(1e-9)[0]
+    step = changed.solve(1e-13)[0]
     np.testing.assert_allclose(
         leave_one_out.steps_under([other])[0], step, atol=1e-3 * np.abs(step).max()
     )
