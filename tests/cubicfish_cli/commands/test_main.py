@@ -89,7 +89,7 @@ NEEDLESS = {"matplotlib", "jinja2", "av", "rosbags", "asyncio", "distributed", "
 @pytest.mark.parametrize(
     ("line", "more"),
     [
-        ("calibrate {photos} -t {target} -o {out} -j 1 --no-report --no-cache", set[str]()),
+        ("calibrate {photos} -t {target} -o {out} -j 1 --no-report --no-cache", {"scipy"}),
         ("detect {photos} -t {target} -o {out}/c.csv -j 1 --no-cache", set[str]()),
         ("evaluate {photos} -t {target} -m {camera} -j 1 --no-cache", set[str]()),
         ("undistort {photo} {out}/flat.png -m {camera} -j 1", {"scipy", "email"}),
