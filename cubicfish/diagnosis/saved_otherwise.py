@@ -105,16 +105,24 @@ def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:
     least = square[way, np.arange(len(way))]
     if least.sum() > _HALF * square[0].sum():
         return []
-    as_saved = unlike(photo_lenses(tried[0].lens, tried[0].poses, pairs))
-    own_lenses = photo_lenses(tried[0].lens, poses, right)
-    split, put_right = best_split(own_lenses), unlike(own_lenses)
-    if split is not None and split.chance < BY_CHANCE:  # something else explains more
-        return []
-    odd = np.zeros(len(way), bool)
-    for saved, put in zip(as_saved, put_right, strict=True):
-        odd[saved.photo] = saved.chance < BY_CHANCE < put.chance
+    odd = _find_odd(tried[0], pairs, poses, right)
     odd &= (way > 0) & (least < _AS_OTHERS * np.median(square[0, way == 0]))
     return _report(pairs.images, odd, square, reference.unfit)
+
+
+def _find_odd(
+    saved: Adjustment, pairs: Observations, poses: Poses, right: Observations
+) -> BoolArray:
+    """Which photos (M,) have a lens of their own as they were saved, and none once put right."""
+    as_saved = unlike(photo_lenses(saved.lens, saved.poses, pairs))
+    own_lenses = photo_lenses(saved.lens, poses, right)
+    split, put_right = best_split(own_lenses), unlike(own_lenses)
+    odd = np.zeros(len(pairs.images), bool)
+    if split is not None and split.chance < BY_CHANCE:  # something else explains more
+        return odd
+    for own, put in zip(as_saved, put_right, strict=True):
+        odd[own.photo] = own.chance < BY_CHANCE < put.chance
+    return odd
 
 
 def _report(

@@ -86,7 +86,7 @@ def quick_detect_near(
     size = image.shape[1], image.shape[0]
     known = [_list_boards(one, target) for one in near]
     expected = _list_expected(known)
-    small = [not board.is_clear(_COARSER * zoom) for boards in known for board in boards]
+    small = [not board.is_clear(_COARSER * zoom) for board in chain(*known)]
     if _fill(_apart(expected[np.array(small, bool)], size), size):
         return _detect(image, target, zoom)
     coarse = _detect(image, target, _COARSER * zoom) if before is None else before
