@@ -169,7 +169,7 @@ def _uncertain_elsewhere(median_px: float) -> Said:
 @WORDS.finding(Code.UNCERTAIN, "rim")
 def _uncertain_rim(p95_px: float, goal_px: float) -> Said:
     what = f"uncertainty is {p95_px:.2f} px over 95 % of the field, where {goal_px:.2g} px is good"
-    return Said(what, do="take more photos with the target tilted and out to the rim")
+    return Said(what, do="take more photos with tilted boards and corners out to the rim")
 
 
 @WORDS.finding(Code.UNCERTAIN, "goal")

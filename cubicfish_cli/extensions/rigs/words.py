@@ -154,10 +154,10 @@ def _repeated_shots(shots: int, distinct: int, repeats: Names) -> Said:
     pairs = [one.split(" = ") for one in repeats]
     alike = [f"{copy} is a near-duplicate of {first}" for first, copy in pairs]
     return Said(
-        f"{plural(shots, 'shot')} show the target from only {plural(distinct, 'place')}: "
-        f"{listed(alike, 'near-duplicates')}",
-        "the held-out error leaves near-duplicates out together",
-        "move the rig or the target between shots, and of a recording take fewer",
+        f"shot {listed(alike, 'near-duplicates')}",
+        f"{plural(shots, 'shot')}, {distinct} different; the held-out error leaves near-duplicates "
+        "out together",
+        "move the rig or the target between shots; of a recording take fewer",
     )
 
 
