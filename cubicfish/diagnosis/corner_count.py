@@ -370,8 +370,6 @@ def _describe_another_target(identified: Identified, target: Target) -> Finding:
 def _describe_sizes(identified: Identified, target: Target) -> str:
     """Sizes of grids that photos show whole and the target does not have, or of the largest."""
     common = _list_other_sizes(identified, target, _FEWEST_PHOTOS, _MOST_SIZES)
-    if len(common) == 1:  # how many photos there are is said beside it
-        return "{}x{}".format(*common[0][0])
     if common:
         return listed([f"{long}x{short} (in {photos})" for (long, short), photos in common], "")
     columns, rows = _find_largest(identified)
