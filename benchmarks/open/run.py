@@ -126,7 +126,7 @@ def options():
     add("--tools", nargs="+", metavar="NAME", help="only these; * fits all")
     add("--work", type=Path, default=Path("open-benchmark"), metavar="DIR", help="where all goes")
     add("--jobs", type=int, default=1, metavar="N", help="tools at a time [1]")
-    add("--limit", type=int, default=600, metavar="S", help="processor time for a piece [600]")
+    add("--limit", type=int, default=200, metavar="S", help="processor time for a piece [200]")
     add("--list", action="store_true", help="name cameras and tools, and end")
     return parser.parse_args()
 

@@ -81,7 +81,7 @@ def work_out_changes(facts: Facts) -> Changes:
     if len(pairs.pixel) > _MOST_CORNERS or len(pairs.images) < 2:
         return none
     try:
-        advice = advise(known, pairs, facts.target)  # type: ignore[arg-type]
+        advice = advise(known, pairs, facts.target, count=False)  # type: ignore[arg-type]
     except (CubicfishError, np.linalg.LinAlgError):  # of records that fit nothing
         return none
     moved: dict[str, float] = {}
