@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from functools import partial
@@ -62,6 +63,7 @@ def calibrate(
     *,
     refine_target: RefineTarget = "auto",
     hold_out: bool = True,
+    goal_px: float | None = None,
     listener: Listener = Listener(),
 ) -> Calibration:
     """Fit a camera, the pose of every photo and, where photos gain by it, the target.
@@ -81,14 +83,18 @@ def calibrate(
             if no corner's name is certain.
         hold_out: also measure the error on photos left out of the fit (five more fits per level);
             ``auto`` needs it.
+        goal_px: the uncertainty wanted over 95 % of the field, pixels, by which the verdict goes
+            then; by default what docs/expectations.md says.
         listener: is told of progress and findings.
 
     Raises:
         CorrespondenceError: corners come without their target, or do not fit it.
         FitError: the corners are too few, or do not determine a lens; the text names a likely
-            cause if one is found.
+            cause if one is found; or the goal is not above 0.
 
     """
+    if goal_px is not None and not 0 < goal_px < math.inf:
+        raise FitError(f"goal_px is {goal_px}, which is not an uncertainty in pixels above 0")
     if refine_target not in get_args(RefineTarget):
         raise FitError(
             f"refine_target {quoted(refine_target)} is not known: "
@@ -101,6 +107,7 @@ def calibrate(
         target=pairs.target,
         refine_target=refine_target,
         hold_out=hold_out,
+        goal_px=goal_px,
         diagnose=partial(find_faults, known=known),
         progress=listener.stages("Fitting"),
     )

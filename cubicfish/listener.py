@@ -40,6 +40,7 @@ class Event(StrEnum):
     VIDEO_TURNED = "video_turned"
     VIDEO_INTERLACED = "video_interlaced"
     VIDEO_REDUCED = "video_reduced"
+    RESCALED = "rescaled"
     RENDERED_FLAT = "rendered_flat"
     RENDERING = "rendering"
 

@@ -69,8 +69,8 @@ ENVIRONMENT = {
     "NO_COLOR": "Not empty: no colours. `FORCE_COLOR`, not empty: colours also off a terminal.",
     "TERM": "`dumb` or `unknown`: a terminal without colours and moving progress.",
     "OPENCV_IO_MAX_IMAGE_PIXELS": "Larger pictures are refused. [default: 200000000]",
-    "OPENCV_LOG_LEVEL": "What OpenCV itself tells on stderr, as `OPENCV_FFMPEG_LOGLEVEL` for what it "
-    "reads films with. [default: nothing]",
+    "OPENCV_LOG_LEVEL": "What OpenCV itself tells on stderr, as `OPENCV_FFMPEG_LOGLEVEL` for what "
+    "it reads films with. [default: nothing]",
 }
 
 COMPLETION = """\

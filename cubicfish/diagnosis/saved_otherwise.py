@@ -29,9 +29,9 @@ from cubicfish.types import BoolArray, FloatArray, IntArray
 # What becomes of a picture's x and y: as it is, left and right exchanged, top and bottom, both.
 _WAYS = np.array([[1, 1], [-1, 1], [1, -1], [-1, -1]])
 _TURNED = 3
-# A photo that is put right has no more than this share of its squared error, and so have all photos
-# together: it was what was wrong with them. Lenses of all photos follow, and show others: so many
-# times at most.
+# A photo that is put right has no more than this share of its squared error, and all photos have no
+# more of what noise does not explain: it was what was wrong with them. Lenses of all photos follow,
+# and show others: so many times at most.
 _HALF, _ROUNDS = 0.5, 5
 # The last step is one that gains a smaller share of the cost. Poses of photos that are put right
 # are there in a few steps; those of others need tens to where they are wrong all the same. What may
@@ -103,7 +103,8 @@ def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:
             break
         camera = refit_radial(reference, right, poses).camera
     least = square[way, np.arange(len(way))]
-    if least.sum() > _HALF * square[0].sum():
+    by_noise = noise**2 * len(way)
+    if least.sum() - by_noise > _HALF * (square[0].sum() - by_noise):
         return []
     odd = _find_odd(tried[0], pairs, poses, right)
     odd &= (way > 0) & (least < _AS_OTHERS * np.median(square[0, way == 0]))

@@ -54,8 +54,9 @@ _MOST_TURN_DEG = 2.0
 _MOST_OFFSET_SHARE = 0.02
 # A sheet on a plate is flat to a thousandth, and bends as a whole by some thousandths.
 _MOST_WAVES_SHARE = 0.003
-# Nobody holds a target nearer to a lens or, with a print that one carries, so far away.
-_NEAREST_MM, _FARTHEST_MM = 2.0, 2000.0
+# Nobody holds a target nearer to a lens or, with a print that one carries, so far away; and from so
+# many times as far its corners are not seen.
+_NEAREST_MM, _FARTHEST_MM, _TOO_FAR = 2.0, 2000.0, 20.0
 
 
 def measured_object(pairs: Observations, target: Target) -> dict[int, FloatArray]:
@@ -248,7 +249,9 @@ def odd_distance(evidence: FitEvidence) -> list[Finding]:
         return []
     square = max(board.square or 0.0 for board in target.boards)
     figures = {"distance_mm": distance, "square": square, "units": target.units}
-    return [Finding(code=Code.BOARD_SQUARE, case="distance", figures=figures)]
+    odd = distance <= _NEAREST_MM or distance > _TOO_FAR * _FARTHEST_MM
+    severity = Severity.CARE if odd else Severity.NOTE
+    return [Finding(code=Code.BOARD_SQUARE, case="distance", severity=severity, figures=figures)]
 
 
 def _find_half_diagonal(board: Board) -> float:

@@ -32,7 +32,7 @@ from cubicfish.fit.uncertainty import Uncertainty, radial_uncertainty, uncertain
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.fit_record import DroppedCorner, FitRecord, MarkedPoints
 from cubicfish.judge.pupil import pupil_effect
-from cubicfish.judge.uncertainty import TRUSTED_PX, UncertaintyGrid, of_size
+from cubicfish.judge.uncertainty import UncertaintyGrid, end_px
 from cubicfish.judge.verdict import FEWEST_OF_A_CUBIC
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.lift import lift
@@ -74,6 +74,7 @@ def calibrate(
     target: Target | None = None,
     refine_target: RefineTarget = "auto",
     hold_out: bool = True,
+    goal_px: float | None = None,
     diagnose: Diagnose | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
@@ -91,6 +92,7 @@ def calibrate(
             ``auto``: the richest of these that lowers the held-out error, and ``off`` where no
             corner's name is certain.
         hold_out: also measure the held-out error (five more fits per level); ``auto`` needs it.
+        goal_px: the uncertainty wanted over 95 % of the field, pixels; by default what is usual.
         diagnose: finds what is likely wrong with the set-up; by default nothing does.
         progress: called with the current step, in words, and the share done, 0 to 1.
 
@@ -130,7 +132,7 @@ def calibrate(
         fit = to_the_bottom(fit)
         begin(progress, "checks")
         nominal_fit = fit if fit.level == "off" else nominal_fit
-        near = _assess(fit, nominal_fit, dropped, pairs, diagnose)
+        near = _assess(fit, nominal_fit, dropped, pairs, goal_px, diagnose)
     except (FitError, np.linalg.LinAlgError) as failure:
         error = failure if isinstance(failure, FitError) else FitError(NO_CONVERGENCE, do=CHECK_ALL)
         if diagnose is not None:
@@ -155,6 +157,7 @@ def _assess(
     nominal_fit: CameraFit,
     dropped: tuple[DroppedCorner, ...],
     pairs: Observations,
+    goal_px: float | None,
     diagnose: Diagnose | None,
 ) -> Calibration:
     """Assess a fit, of which the fit to the nominal target is known too."""
@@ -183,7 +186,8 @@ def _assess(
     covered_deg = float(np.rad2deg(angle_from_axis(points).max()))
     trusted = coverage.trusted_angle_deg(camera, covered_deg, spread.sigma_px)
     camera = replace(camera, max_angle_deg=trusted)
-    field, uncertainty = _find_certain_field(camera, coverage.blind_angle(points), spread)
+    blind, limit = coverage.blind_angle(points), end_px(camera.image_size, goal_px)
+    field, uncertainty = _find_certain_field(camera, blind, spread, limit)
     known_residual = np.where(used.error_known[:, None], fit.residual, np.nan)
     rim = coverage.coverage_extent(field, points, known_residual, spread.sigma_px)
     camera, poses = in_references_frame(camera, fit.poses.scaled(scale), reference.covered)
@@ -228,6 +232,7 @@ def _assess(
         dropped_corners=dropped,
         unfit_images=reference.unfit,
         marked=None if pairs.boards else MarkedPoints(),
+        goal_px=goal_px,
     )
     return Calibration(
         camera=camera,
@@ -244,13 +249,13 @@ def _assess(
 
 
 def _find_certain_field(
-    camera: CubicCamera, blind: float, spread: PhotoSpread | Uncertainty
+    camera: CubicCamera, blind: float, spread: PhotoSpread | Uncertainty, limit_px: float
 ) -> tuple[CubicCamera, UncertaintyGrid]:
     """Where a camera is certain, if that is most of its field, and its uncertainty there."""
     uncertainty = uncertainty_grid(spread, camera, blind)
-    if not uncertainty.median_px < TRUSTED_PX * of_size(camera.image_size):
+    if not uncertainty.median_px < limit_px:
         return camera, uncertainty  # the rim alone is not to blame
-    certain = coverage.certain_angle_deg(camera, spread.sigma_px)
+    certain = coverage.certain_angle_deg(camera, spread.sigma_px, limit_px)
     if certain == camera.max_angle_deg:
         return camera, uncertainty
     camera = replace(camera, max_angle_deg=certain)

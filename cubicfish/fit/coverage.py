@@ -15,7 +15,7 @@ import numpy as np
 from cubicfish.angles import angle_from_axis, azimuth
 from cubicfish.geometry import inside_polygon
 from cubicfish.judge.fit_record import CoverageExtent
-from cubicfish.judge.uncertainty import CERTAIN_PX, TRUSTED_PX, of_size
+from cubicfish.judge.uncertainty import CERTAIN_PX, of_size
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.sphere import ray_at
 from cubicfish.types import BoolArray, FloatArray
@@ -182,30 +182,30 @@ def trusted_angle_deg(camera: CubicCamera, covered_deg: float, sigma: Sigma) -> 
     return float(tried[max(last - 1, 0)])
 
 
-def certain_angle_deg(camera: CubicCamera, sigma: Sigma) -> float:
+def certain_angle_deg(camera: CubicCamera, sigma: Sigma, limit_px: float) -> float:
     """How far from the axis a camera is certain: within the corners too, where its rim is not.
 
     Args:
         camera: the camera, most of whose field is certain.
         sigma: as for :func:`coverage_extent`.
+        limit_px: where it is certain, one standard deviation is below this, pixels.
 
     Returns:
-        The farthest angle where the median over the directions that the photo shows is below
-        :data:`TRUSTED_PX`, degrees; the field's own end where it is so out there.
+        The farthest angle where the median over the directions that the photo shows is below the
+        limit, degrees; the field's own end where it is so out there.
 
     """
     farthest = camera.max_angle_deg
     tried = np.append(np.arange(_STEP_DEG, farthest, _STEP_DEG), farthest)[::-1]
     around = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
     edge = angle_from_axis(camera.edge(_DIRECTIONS)) + _EDGE_SLACK_RAD
-    limit = TRUSTED_PX * of_size(camera.image_size)
     # From outside inwards, a few rings at once: most cameras are certain out there.
     for first in range(0, len(tried), _RINGS):
         rings = tried[first : first + _RINGS]
         angle, azimuths = np.meshgrid(np.deg2rad(rings), around, indexing="ij")
         own = sigma(ray_at(angle.ravel(), azimuths.ravel())).reshape(angle.shape)
         for deg, ring, there in zip(rings, own, angle <= edge, strict=True):
-            if there.any() and np.median(ring[there]) < limit:
+            if there.any() and np.median(ring[there]) < limit_px:
                 return float(deg)
     return float(farthest)
 

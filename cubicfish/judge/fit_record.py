@@ -191,6 +191,8 @@ class FitRecord(ErrorStatistics):
         dropped_corners: the outliers themselves.
         unfit_images: photos that were left out, with the reason.
         marked: of points without names, how exact they are said to be; None of corners.
+        goal_px: the uncertainty that somebody asked for over 95 % of the field, pixels; None where
+            nobody did.
         per_image: each photo that was used.
 
     """
@@ -224,6 +226,7 @@ class FitRecord(ErrorStatistics):
     dropped_corners: tuple[DroppedCorner, ...] = field(default=(), metadata=_RAY)
     unfit_images: Mapping[str, Finding] = field(default_factory=dict)
     marked: MarkedPoints | None = field(default=None, metadata=LEFT_OUT_IF_EMPTY)
+    goal_px: float | None = field(default=None, metadata=LEFT_OUT_IF_EMPTY)
     per_image: tuple[PhotoRecord, ...] = ()
 
     @classmethod

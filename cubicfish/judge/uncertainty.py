@@ -30,6 +30,18 @@ def of_size(image_size: tuple[int, int]) -> float:
     return max(1.0, max(image_size) / _SIDE)
 
 
+def end_px(image_size: tuple[int, int], goal_px: float | None) -> float:
+    """One standard deviation at which the calibrated field ends, pixels.
+
+    Args:
+        image_size: (width, height) of the photos, pixels.
+        goal_px: the uncertainty that somebody asked for; None for what is usual. A field does not
+            end before.
+
+    """
+    return max(TRUSTED_PX * of_size(image_size), goal_px or 0.0)
+
+
 @dataclass(frozen=True, kw_only=True)
 class FieldUncertainty:
     """One standard deviation of a distant point's pixel, sqrt(var x + var y), over many places.

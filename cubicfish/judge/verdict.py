@@ -171,7 +171,7 @@ def evaluation_verdict(
             reasons = _report(level, Code.WORSE_THAN_BEFORE, **figures)
     # The poses of these photos absorb much of a camera's error: small errors alone clear no camera.
     median_px = math.nan if uncertainty is None else uncertainty.median_px
-    level = _rate(median_px / scale, _MEDIAN_UNCERTAINTY_PX)
+    level = _rate(median_px, _limits_of_median(fit, scale))
     reasons += _report(level, Code.UNCERTAIN, "evaluation", median_px=median_px)
     reasons.sort(key=_is_mild)
     return Verdict(level=level_of(reasons), figures=stated, reasons=tuple(reasons))
@@ -284,7 +284,7 @@ def _judge_field(
     of: FitRecord, image_size: tuple[int, int], outline: FloatArray | None, scale: float
 ) -> Iterator[Finding]:
     """Rules on the field: at the rim, and beyond the corners."""
-    extent, known, used = of.reach, of.uncertainty, of.corners
+    extent, used = of.reach, of.corners
     rim, middle, start = extent.rim_rms_px, extent.middle_rms_px, extent.rim_from_deg
     level = None if math.isnan(start) else ratio_above(rim, middle, _RIM_ERROR, scale)
     yield from _report(level, Code.WORSE_AT_THE_RIM, middle_px=middle, rim_px=rim, from_deg=start)
@@ -297,16 +297,43 @@ def _judge_field(
     # What follows from the above, and what half of all cameras have.
     level = _rate(-of.coverage, (-COVERAGE[0], -COVERAGE[1]))
     yield from _report(level, Code.LOW_COVERAGE, share=of.coverage)
-    level = _rate(known.median_px / scale, _MEDIAN_UNCERTAINTY_PX)
-    yield from _report(level, Code.UNCERTAIN, median_px=known.median_px)
-    level = _care_if(level is None and known.p95_px / scale > GOAL_PX)
-    goal = {"p95_px": known.p95_px, "goal_px": GOAL_PX * scale}
-    yield from _report(level, Code.UNCERTAIN, "rim", **goal)
     covered, around, edge = of.covered_deg, extent.all_around_deg, extent.edge_uncertainty_px
-    level = _care_if(covered - around > _EXTRAPOLATED_DEG and edge / scale > CERTAIN_PX)
+    certain = max(CERTAIN_PX * scale, of.goal_px or 0.0)
+    level = _care_if(covered - around > _EXTRAPOLATED_DEG and edge > certain)
+    yield from _judge_certainty(of, scale, is_rim_blamed=level is not None)
     yield from _report(
         level, Code.EXTRAPOLATED, covered_deg=covered, around_deg=around, edge_px=edge
     )
+
+
+def _judge_certainty(of: FitRecord, scale: float, *, is_rim_blamed: bool) -> Iterator[Finding]:
+    """Rules on the uncertainty over the field: by the goal that somebody asked for, if any.
+
+    Where the rim is blamed with its reason, that it is uncertain is not said again.
+    """
+    known, goal = of.uncertainty, of.goal_px
+    median_px, p95_px = known.median_px, known.p95_px
+    level = _rate(median_px, _limits_of_median(of, scale))
+    if goal:
+        level = level or _care_if(p95_px > goal)
+        figures = {"median_px": median_px, "p95_px": p95_px, "goal_px": goal}
+        yield from _report(level, Code.UNCERTAIN, "goal", **figures)
+        return
+    yield from _report(level, Code.UNCERTAIN, median_px=median_px)
+    level = _care_if(level is None and not is_rim_blamed and p95_px > GOAL_PX * scale)
+    figures = {"p95_px": p95_px, "goal_px": GOAL_PX * scale}
+    yield from _report(level, Code.UNCERTAIN, "rim", **figures)
+
+
+def _limits_of_median(of: FitRecord, scale: float) -> tuple[float, float]:
+    """The median uncertainty that asks for care, and that which is not to be trusted.
+
+    Who asked for a goal has no use for a camera that misses it over half of the field.
+    """
+    if of.goal_px:
+        return of.goal_px, of.goal_px
+    care, bad = _MEDIAN_UNCERTAINTY_PX
+    return care * scale, bad * scale
 
 
 def _most_px(of: FitRecord, scale: float) -> float:

@@ -1,13 +1,14 @@
 """What is likely wrong with a rig's shots: a camera that moved, photos of other shots, too few."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.special import fdtrc
 
 from cubicfish.diagnosis.photo_lenses import best_cut
+from cubicfish.fit.folds import MIN_PHOTOS, NEAR_SHARE, SAME_SHARE, repeated_groups
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
 from cubicfish.rigs.joint_fit import RigProblem
@@ -101,6 +102,21 @@ class RigEvidence:
     def shots(self) -> tuple[str, ...]:
         """The shots' names, in the order in which they were taken."""
         return self.views.shots
+
+    @cached_property
+    def places(self) -> IntArray:
+        """(S,) numbers from 0: shots that show the target from the same place have one."""
+        return self._group_shots(SAME_SHARE)
+
+    @cached_property
+    def is_one_place(self) -> bool:
+        """Whether all shots show it from nearly the same place."""
+        return len(self.shots) >= MIN_PHOTOS and self._group_shots(NEAR_SHARE).max() == 0
+
+    def _group_shots(self, share: float) -> IntArray:
+        focal = self.problem.singly[0].camera.radial.fx
+        named = replace(self.pairs, certain=np.ones(len(self.pairs.image), bool))
+        return repeated_groups(self.fit.poses, named, focal, share)
 
     @cached_property
     def clocks(self) -> Clocks | None:
@@ -340,14 +356,45 @@ def few_common_shots(evidence: RigEvidence) -> list[Finding]:
     ]
 
 
-def find_rig_faults(evidence: RigEvidence) -> list[Finding]:
-    """What is likely wrong with a fitted rig, in the order in which it is reported."""
-    moved = camera_moved(evidence)
+def repeated_shots(evidence: RigEvidence) -> list[Finding]:
+    """Shots that show the target from the same place, as those of one moment do."""
+    shots, places = evidence.shots, evidence.places
+    if evidence.is_one_place:
+        figures = {"shots": len(shots), "near": NEAR_SHARE}
+        return [Finding(code=Code.ONE_PLACE, case="shots", severity=Severity.CARE, figures=figures)]
+    distinct, first = np.unique(places, return_index=True)
+    if len(distinct) == len(shots):
+        return []
+    again = np.flatnonzero(first[places] != np.arange(len(shots)))
+    same = [f"{shots[first[places[shot]]]} = {shots[shot]}" for shot in again.tolist()]
+    few = 2 * len(distinct) <= len(shots) or len(distinct) < MIN_PHOTOS
     return [
+        Finding(
+            code=Code.REPEATS,
+            case="shots",
+            severity=Severity.CARE if few else Severity.NOTE,
+            shots=tuple(np.array(shots)[np.bincount(places)[places] > 1].tolist()),
+            figures={"shots": len(shots), "distinct": len(distinct), "repeats": same},
+        )
+    ]
+
+
+def find_rig_faults(evidence: RigEvidence) -> list[Finding]:
+    """What is likely wrong with a rig, in the order in which it is reported: first each camera."""
+    moved, repeats = camera_moved(evidence), repeated_shots(evidence)
+    said = {one.code for one in repeats}  # not again of each camera
+    return [
+        *(
+            finding
+            for one in evidence.problem.singly
+            for finding in one.findings
+            if finding.code not in said
+        ),
         *mismatched(evidence),
         *free_running(evidence),
         *clocks_differ(evidence),
         *moved,
         *([] if moved else not_at_once(evidence)),
         *few_common_shots(evidence),
+        *repeats,
     ]

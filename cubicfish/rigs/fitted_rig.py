@@ -31,7 +31,7 @@ def rig_of(evidence: RigEvidence) -> Rig:
     fit, problem = evidence.fit, evidence.problem
     refined = problem.nominal.refined(fit.world) if fit.world.free else None
     placed = _find_places(evidence)
-    held_out = leave_shots_out(fit, evidence.shots)
+    held_out = leave_shots_out(fit, evidence.shots, evidence.places)
     errors = error_statistics(fit.errors, len(fit.residual))
     return Rig(
         units=problem.units,
@@ -43,10 +43,7 @@ def rig_of(evidence: RigEvidence) -> Rig:
             shots=len(evidence.shots),
             refine_target=problem.level,
             held_lenses=not any(isinstance(own, CubicFit) for own in fit.lens.lenses),
-            findings=(
-                *(finding for one in problem.singly for finding in one.findings),
-                *find_rig_faults(evidence),
-            ),
+            findings=tuple(find_rig_faults(evidence)),
             per_shot=shot_errors(evidence.shots, evidence.names, fit, placed.shots),
         ),
         target=refined and refined.moved(problem.common.origin),
@@ -100,6 +97,7 @@ def _make_cameras(
         fit,
         [cone_rays(one.covered, _RAYS) for one in singly],
         evidence.shots,
+        evidence.places,
         [one.runners_up for one in singly],
         evidence.timing,
     )

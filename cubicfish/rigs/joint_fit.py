@@ -21,7 +21,7 @@ from cubicfish.solve.leave_one_out import LeaveOneOut
 from cubicfish.solve.poses import Poses
 from cubicfish.solve.statistics import huber_px, noise_px, weighed
 from cubicfish.target.observations import Observations
-from cubicfish.types import FloatArray
+from cubicfish.types import FloatArray, IntArray
 
 # While cameras and shots are far off, the loss must still feel every corner.
 _WIDE_HUBER_PX = 50.0
@@ -168,19 +168,21 @@ def _fit_finely(
     return fit.again(pairs, relative_decrease=_FINE_DECREASE, damping=WARM_DAMPING, limit=huber_px)
 
 
-def leave_shots_out(fit: Adjustment[RigLens], shots: Sequence[str]) -> FloatArray | None:
+def leave_shots_out(
+    fit: Adjustment[RigLens], shots: Sequence[str], places: IntArray
+) -> FloatArray | None:
     """(N, 2) residuals of each corner under a fit without its shot, to first order.
 
-    None where shots are too few.
+    None where shots are too few. Shots (S,) of one place, by number, are left out together.
     """
-    count = len(fit.poses)
+    count = int(places.max()) + 1
     if count < MIN_PHOTOS:
         return None
     if fit.lens.times is not None:
         # A photo's time is its own, as its pose is.
         known = replace(fit.lens, times=replace(fit.lens.times, known=True))
         fit = _fit_finely(replace(fit, lens=known), fit.pairs, None)
-    groups = dealt_out(np.arange(count), shots, min(FOLDS, count))
+    groups = dealt_out(places, shots, min(FOLDS, count))
     shot = fit.lens.shot[fit.pairs.image]
     found = np.empty_like(fit.residual)
     for number, residual in LeaveOneOut(fit, groups).residuals():

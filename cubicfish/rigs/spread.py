@@ -20,7 +20,7 @@ from cubicfish.solve.adjustment import Adjustment
 from cubicfish.solve.fit_lens import FitLens
 from cubicfish.solve.leave_one_out import LeaveOneOut
 from cubicfish.solve.poses import cross_matrix
-from cubicfish.types import FloatArray
+from cubicfish.types import FloatArray, IntArray
 
 # Blocks of time that are left out where that takes a fit anew of each. Of 16 simulated rigs whose
 # cameras run free, true errors are 1.2 times what these state, and halves of their shots are 0.8
@@ -33,6 +33,7 @@ def place_covariances(
     fit: Adjustment[RigLens],
     rays: list[FloatArray],
     shots: Sequence[str],
+    places: IntArray,
     runners_up: Sequence[Sequence[tuple[FitLens, float]]],
     timing: Timing | None,
 ) -> FloatArray:
@@ -46,6 +47,7 @@ def place_covariances(
         fit: the adjustment, at its optimum.
         rays: for each camera (M, 3) unit rays over its field.
         shots: names of the shots.
+        places: (S,) numbers from 0: shots of one place have one.
         runners_up: for each camera its lens under other priors, and how likely each is the best.
         timing: how the photos' times were fitted, where they were.
 
@@ -55,9 +57,9 @@ def place_covariances(
     noise = _compute_noise_covariance(fit)
     count = len(fit.lens.parameters)
     found = [by @ noise[:count, :count] @ by.T for by in by_shared]
-    parts, clusters = min(len(shots), MOST_CLUSTERS), []
+    parts, clusters = min(int(places.max()) + 1, MOST_CLUSTERS), []
     if parts >= MIN_PHOTOS:
-        by_chance = dealt_out(np.arange(len(shots)), shots, parts)
+        by_chance = dealt_out(places, shots, parts)
         clusters = by_chance if timing is None else timing.blocks(_BLOCKS)
     leave_one_out = LeaveOneOut(fit, clusters)
     if clusters:

@@ -143,11 +143,12 @@ class Goal:
         Args:
             fit: the record.
             image_size: (width, height), pixels.
-            asked_px: the uncertainty that somebody asks for, pixels; None for what is usual.
+            asked_px: the uncertainty that somebody asks for, pixels; None for that of the record,
+                or what is usual.
 
         """
         return cls(
-            p95_px=asked_px or default_goal(image_size),
+            p95_px=asked_px or fit.goal_px or default_goal(image_size),
             photos=FEW_OF_A_PLANE[0] if fit.flat else FEW_PHOTOS,
             coverage=COVERAGE[0],
             is_asked=asked_px is not None,
@@ -165,7 +166,8 @@ class Goal:
         if judged.level == "bad" and judged.reasons[0] not in reasons:
             first = {"reason": judged.reasons[0]}
             reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=first))
-        if self.is_asked and now is not None and now.p95_px > self.p95_px:
+        said = any(one.code == Code.UNCERTAIN for one in reasons)
+        if self.is_asked and not said and now is not None and now.p95_px > self.p95_px:
             figures = {"p95_px": now.p95_px, "goal_px": self.p95_px}
             reasons.append(Finding(code=Code.NOT_CERTAIN, severity=Severity.CARE, figures=figures))
         return reasons

@@ -78,6 +78,8 @@ class CalibrateOptions:
         refine_target: as in :func:`calibrate`; by default ``auto``.
         hold_out: as in :func:`calibrate`.
         lift: the argument of the cubics: the viewing ray, or the 3D point itself.
+        goal_px: the uncertainty wanted over 95 % of the field, by which the verdict goes then; None
+            for what is usual.
         most: calibrate from at most so many photos or frames, those that add most; None means 60
             frames of films, and all photos.
         exclude: photos that are left out, by their names or by patterns.
@@ -129,6 +131,13 @@ class CalibrateOptions:
         parameters.Choice(["ray", "point"]),
         "ray",
     )
+    goal_px: float | None = option(
+        "--goal PX",
+        "The uncertainty wanted over 95 % of the field. The verdict goes by it: good within it, "
+        "not to be trusted where half of the field is beyond it. [default: 0.2 px is good, and 1 "
+        "px not to be trusted; more in photos above 2000 pixels]",
+        parameters.FloatRange(min=0, min_open=True),
+    )
     most: int | None = option(
         "--most N",
         "Calibrate from at most N photos or frames, those that add most. [default: all "
@@ -172,8 +181,9 @@ class CalibrateOptions:
             raise UsageError(
                 f"--title must be a line of plain text, of at most {_LONGEST_TITLE} characters"
             )
-        if self.lift == "point" and self.refine_target is not None:
-            raise UsageError("--refine-target goes with --lift ray: leave it out")
+        for name, given in (("--refine-target", self.refine_target), ("--goal", self.goal_px)):
+            if self.lift == "point" and given is not None:
+                raise UsageError(f"{name} goes with --lift ray: leave it out")
         if self.refine_target == "auto" and not self.hold_out:
             raise UsageError(
                 "--refine-target auto goes by photos that are held out, and not with "
@@ -335,7 +345,8 @@ def _fit(
         return calibrate_points(observed.pairs, hold_out=options.hold_out), observed
     from cubicfish import calibrate
 
-    fitted = calibrate(observed.given, **options.how, listener=run.listener)
+    how, goal = options.how, options.goal_px
+    fitted = calibrate(observed.given, **how, goal_px=goal, listener=run.listener)
     return fitted, observed.named_by(fitted)
 
 

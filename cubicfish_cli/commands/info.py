@@ -147,7 +147,7 @@ def command(made: CameraInfo, given: InfoOptions, how: How) -> None:
 
 def _list_rows(known: CameraFacts) -> list[tuple[str, str]]:
     """Return rows (name, words) of all known figures."""
-    from cubicfish_cli.words.camera import lens_rows, pictures_of, reach_words
+    from cubicfish_cli.words.camera import GOAL, lens_rows, pictures_of, reach_words
 
     fit, origin, pictures = known.fit, known.origin, pictures_of(known.fit)
     rows = [("size", "{} x {} px".format(*known.camera.image_size)), *lens_rows(known)]
@@ -157,6 +157,8 @@ def _list_rows(known: CameraFacts) -> list[tuple[str, str]]:
         out = fit.held_out_rms_px
         left_out = f", {px(out)} px on photos left out" if math.isfinite(out) else ""
         rows.append(("error", f"{px(fit.rms_px)} px RMS{left_out}"))
+    if fit.goal_px:
+        rows.append(("goal", f"{fit.goal_px:g} px {GOAL}"))
     if pictures is not None and fit.corners:
         rows.append(("from", f"{pictures}, {plural(fit.corners, 'corner')}"))
     if origin.target is not None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish import (
     CubicfishError,
+    Event,
     Listener,
     OutputError,
     Run,
@@ -236,13 +237,24 @@ def write_pictures(
     if run.executor is None:  # a run that is killed has said whose its pictures are
         write_files(record, overwrite=True, folder=plan.folder)
     extras = plan.register.write(_draw_beside(plan, views)) if plan.beside else []
+    work = run
     if plan.kind == "video":  # one after the other, and each reports its own progress
-        run = replace(run, jobs=1, listener=Listener())
+        work = replace(run, jobs=1, listener=Listener())
     try:
-        failures = write_many(plan.jobs, views.writer(plan.options.quality), run)
-    finally:
+        failures = write_many(plan.jobs, views.writer(plan.options.quality), work)
+    finally:  # a scheduler that is not there leaves nothing
         if run.executor is not None:
             _keep_record(plan, record)
+    for size, photo in views.rescaled.items():
+        own = views.calibrated_size
+        run.listener.tell(
+            Event.RESCALED,
+            photo=photo,
+            size="{}x{}".format(*size),
+            calibrated="{}x{}".format(*own),
+            times=size[0] / own[0],
+            enlarged=size > own,
+        )
     late = _list_written_meanwhile(plan, failures) if plan.options.skip_existing else []
     failures = {name: why for name, why in failures.items() if name not in late}
     done = [job for job in plan.jobs if job.name not in failures and job.name not in late]

@@ -83,7 +83,16 @@ class Views:
     A view from the camera's place is the same for all photos of a size: its maps are made once,
     from any thread, unless they are so large that each photo is rendered some rows at a time. Sizes
     are (width, height), pixels.
+
+    Attributes:
+        interpolation: how pixels are interpolated.
+        calibrated_size: that of the photos that the camera was calibrated from.
+        rescaled: other sizes -> the first photo of each; empty where the view does not go by size.
+
     """
+
+    calibrated_size: Size = (0, 0)
+    rescaled: Mapping[Size, Path] = {}
 
     @staticmethod
     def size_of(path: Path) -> Size:
@@ -103,6 +112,7 @@ class Views:
         """
         self._camera, self._wanted, self.interpolation = camera, wanted, interpolation
         self._chosen: dict[Size, ChosenView] = {}
+        self.calibrated_size, self.rescaled = camera.image_size, {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the maps, which are made faster than they are sent."""
@@ -116,6 +126,8 @@ class Views:
 
         """
         if size not in self._chosen:
+            if size != self.calibrated_size:
+                self.rescaled = {**self.rescaled, size: source}
             self._chosen[size] = choose_view(self._camera.for_photos(size), self._wanted)
         return self._chosen[size]
 

@@ -13,6 +13,9 @@ COVERED = "of the field covered by corners"
 """The whole of which a coverage is a share, wherever it is printed. The field is where the camera
 may be trusted and does not see itself, in squares of an eighth of the photo's shorter side."""
 
+GOAL = "of uncertainty, over 95 % of the field (--goal)"
+"""What the goal of somebody's own is of, wherever it is printed."""
+
 # A smaller effect of the moving entrance pupil is not worth a line.
 _PUPIL_MATTERS_PX = 0.5
 
@@ -60,6 +63,8 @@ def scope(known: CameraFacts) -> list[tuple[str, str, str, str]]:
     certain = fit.uncertainty.field
     if certain is not None:
         rows.append(("uncertainty", f"{certain.median_px:.3f}", "px", uncertainty_meaning(certain)))
+    if fit.goal_px:
+        rows.append(("goal", f"{fit.goal_px:g}", "px", GOAL))
     return rows
 
 

@@ -152,6 +152,15 @@ def _video_reduced(video: Any, given: str, written: str) -> str:
     return f"{video}: pictures of {given} are written as {written}, which holds less"
 
 
+@WORDS.event(Event.RESCALED)
+def _rescaled(photo: Any, size: str, calibrated: str, times: float, enlarged: bool) -> str:
+    return (
+        f"note: {photo} has {size} pixels, {times:.3g} times the size of the calibrated photos "
+        f"({calibrated}): taken as {pick(enlarged, 'an enlarged', 'a reduced')} photo of the same "
+        "camera"
+    )
+
+
 @WORDS.event(Event.RENDERED_FLAT)
 def _rendered_flat() -> str:
     return "Boards are rendered flat, without the target's bends and offsets."

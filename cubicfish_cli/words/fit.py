@@ -169,7 +169,16 @@ def _uncertain_elsewhere(median_px: float) -> Said:
 @WORDS.finding(Code.UNCERTAIN, "rim")
 def _uncertain_rim(p95_px: float, goal_px: float) -> Said:
     what = f"uncertainty is {p95_px:.2f} px over 95 % of the field, where {goal_px:.2g} px is good"
-    return Said(what, do="take more photos with corners out to the rim")
+    return Said(what, do="take more photos with tilted boards and corners out to the rim")
+
+
+@WORDS.finding(Code.UNCERTAIN, "goal")
+def _above_goal(median_px: float, p95_px: float, goal_px: float) -> Said:
+    return Said(
+        f"uncertainty is {median_px:.2g} px (1σ, median over the field) and {p95_px:.2g} px over "
+        f"95 % of it; the goal is {goal_px:g} px",
+        do="take more photos with tilted boards and with corners out to the rim",
+    )
 
 
 @WORDS.finding(Code.MANY_OUTLIERS)

@@ -43,10 +43,11 @@ def _overfitted(held_out_px: float, times: float) -> Said:
 
 
 @WORDS.finding(Code.UNCERTAIN, "points")
-def _uncertain(median_px: float = 0.0, max_px: float = 0.0) -> Said:
-    if max_px:
-        return Said(f"uncertainty is {max_px:.2f} px at the worst place of the field", do=_MARK)
-    return Said(f"uncertainty is {median_px:.2f} px (1σ, median over the field)", do=_MARK)
+def _uncertain(median_px: float = 0.0, p95_px: float = 0.0, goal_px: float = 0.0) -> Said:
+    parts = [f"{median_px:.2f} px (1σ, median over the field)"] * bool(median_px)
+    parts += [f"{p95_px:.2f} px over 95 % of the field"] * bool(p95_px)
+    goal = f"; the goal is {goal_px:.2g} px" * bool(goal_px)
+    return Said(f"uncertainty is {' and '.join(parts)}{goal}", do=_MARK)
 
 
 @WORDS.finding(Code.LOW_COVERAGE, "points")

@@ -6,7 +6,7 @@ from typing import Any, Literal
 from cubicfish import listed
 from cubicfish.judge import Code
 from cubicfish.judge import FindingText as Said
-from cubicfish_cli.words.phrases import percent, pick, plural, whole
+from cubicfish_cli.words.phrases import length_words, percent, pick, plural, whole
 from cubicfish_cli.words.table import Words
 
 Names = Sequence[str]
@@ -301,7 +301,7 @@ def _board_square_grids(
 
 @WORDS.finding(Code.BOARD_SQUARE, "distance")
 def _board_square_distance(distance_mm: float, square: float, units: str) -> Said:
-    away = f"{distance_mm:.2g} mm" if distance_mm < 1000 else f"{distance_mm / 1000:.2g} m"
+    away = length_words(distance_mm, "mm")
     size = f"a square of {square:g} {units}" if square else f"a target in {units}"
     return Said(
         f"with {size} the camera was {away} away (median): is that size right?",

@@ -7,16 +7,18 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import yaml
 from running import run_cli
+from samples import SAMPLE
 
 from cubicfish import load_camera
 
 DOCS = Path(__file__).parents[2] / "docs"
 Blocks = dict[str, list[tuple[str, str]]]
-POINT = np.array([0.2, -0.1, 1.0])
+POINT = np.array([20.0, -10.0, 100.0])
 
 
 def blocks(page: str) -> Blocks:
@@ -78,7 +80,7 @@ def test_cpp(folder: Path) -> None:
 def test_python(folder: Path) -> None:
     Path("use.py").write_text(code("Python without cubicfish", "python"))
     numbers = np.array(ran(sys.executable, "use.py"))
-    rays = np.array([POINT, [1.0, 0.0, 0.5]])
+    rays = np.array([POINT, [100.0, 0.0, 50.0]])
     pixel = load_camera("calibration/camera.yaml").camera.project(rays)
     np.testing.assert_allclose(numbers[:4].reshape(2, 2), pixel, atol=1e-4)
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
@@ -90,8 +92,31 @@ def test_a_web_page(folder: Path) -> None:
     page = code("A web page", "html")
     Path("page.mjs").write_text(re.findall(r'<script type="module">(.*)</script>', page, re.S)[0])
     numbers = ran("node", "page.mjs")
-    pixel = load_camera("calibration/camera.yaml").camera.project(100 * POINT, near=True)
+    pixel = load_camera("calibration/camera.yaml").camera.project(POINT, near=True)
     np.testing.assert_allclose(numbers, pixel, atol=1e-6)
+
+
+def test_opencv_straightens_photos(folder: Path) -> None:
+    photo = SAMPLE / "photos" / "corner_01.jpg"
+    Path("photo.jpg").write_bytes(photo.read_bytes())
+    run_cli("map", "calibration/undistort_map.npz")
+    text, _ = (text for kind, text in USES["OpenCV"] if kind == "python")
+    Path("use.py").write_text(text)
+    ran(sys.executable, "use.py")
+    run_cli("undistort", photo, "same.png")
+    read = [cv2.imread(name, cv2.IMREAD_UNCHANGED) for name in ("flat.png", "same.png")]
+    np.testing.assert_array_equal(*read)
+
+
+def test_opencv_takes_the_nearest_lens(folder: Path) -> None:
+    _, text = (text for kind, text in USES["OpenCV"] if kind == "python")
+    (line,) = (text for kind, text in USES["OpenCV"] if kind == "sh")
+    run_cli(*line.split()[1:])
+    Path("use.py").write_text(text)
+    numbers = np.array(ran(sys.executable, "use.py"))
+    pixel = load_camera("calibration/camera.yaml").camera.project(POINT)
+    np.testing.assert_allclose(numbers[:2], pixel, atol=1.0)
+    np.testing.assert_allclose(numbers[2:], [0.2, -0.1], atol=1e-3)
 
 
 @pytest.mark.slow

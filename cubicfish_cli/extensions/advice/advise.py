@@ -1,6 +1,6 @@
 """What photos so far leave open, what to photograph next, and whether that is needed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -112,6 +112,8 @@ def advise(
         FitError: pairs and camera do not belong together.
 
     """
+    if goal_px is not None and known.fit.goal_px:  # it takes the place of the camera's own
+        known = replace(known, fit=replace(known.fit, goal_px=goal_px))
     camera, fit = known.camera, known.fit
     goal = Goal.of(fit, camera.image_size, goal_px)
     poses, gaps = Poses.of_photos(fit.poses, pairs.images), CoverageGaps.of(camera, pairs)

@@ -7,7 +7,7 @@ from typing import Any, Literal
 from cubicfish import Event, Rig, listed
 from cubicfish.judge import Code
 from cubicfish.judge import FindingText as Said
-from cubicfish_cli.words.phrases import pick, plural
+from cubicfish_cli.words.phrases import pick, plural, whole
 from cubicfish_cli.words.sentences import with_text, with_texts
 from cubicfish_cli.words.table import Words
 
@@ -146,6 +146,27 @@ def _few_common_shots(cameras: Names, shots: float, wanted: float) -> Said:
         f"camera {cameras[0]} shares only {plural(shots, 'shot')} with the others",
         do=f"take {wanted:.0f} or more in which {cameras[0]} and {cameras[1]} both see boards of "
         "the target",
+    )
+
+
+@WORDS.finding(Code.REPEATS, "shots")
+def _repeated_shots(shots: int, distinct: int, repeats: Names) -> Said:
+    pairs = [one.split(" = ") for one in repeats]
+    alike = [f"{copy} is a near-duplicate of {first}" for first, copy in pairs]
+    return Said(
+        f"shot {listed(alike, 'near-duplicates')}",
+        f"{plural(shots, 'shot')}, {distinct} different; the held-out error leaves near-duplicates "
+        "out together",
+        "move the rig or the target between shots; of a recording take fewer",
+    )
+
+
+@WORDS.finding(Code.ONE_PLACE, "shots")
+def _one_place(shots: int, near: float) -> Said:
+    return Said(
+        f"all {shots} shots show the target from nearly the same place, and add little to one",
+        f"in all of them it lies in the same place of the picture, to {whole(near)} of its size",
+        "take shots from different sides, near and far, tilted",
     )
 
 

@@ -32,6 +32,14 @@ def test_photos_that_were_saved_otherwise_are_named(ways, expected):
         assert (one.severity is Severity.NOTE) == (one.images[0] in made.unfit)
 
 
+@pytest.mark.parametrize("off", [(4.0, 4.0), (8.0, 8.0)])
+def test_a_mirrored_photo_is_named_where_the_centre_is_nearly_in_the_middle(off):
+    """It has little more error than the others: most of what all have together is noise."""
+    setup = wrong.one_otherwise(np.random.default_rng(2), "mirrored", off=off)
+    (found,) = calibrate(setup.corners, setup.target, hold_out=False).findings
+    assert (found.code, found.images) == (Code.MIRRORED, ("09.png",))
+
+
 def test_a_mirror_and_half_a_turn_are_the_same_where_the_centre_is_off_along_one_side(monkeypatch):
     straight = wrong.lens_of
     monkeypatch.setattr(

@@ -7,6 +7,7 @@ import pytest
 from lenses import cubic_camera
 
 from cubicfish.fit.coverage import certain_angle_deg, coverage_extent, trusted_angle_deg
+from cubicfish.judge.uncertainty import end_px
 from cubicfish.models.sphere import ray_at
 
 CAMERA = cubic_camera(100.0, bend=0.002)  # a photo that shows all of the cone
@@ -93,10 +94,19 @@ def test_the_field_ends_where_its_rim_is_uncertain_by_a_pixel():
     def mirrored(rays: np.ndarray) -> np.ndarray:
         return np.where(rays[:, 2] > np.cos(np.radians(20)), 30.0, growing(rays))
 
-    assert certain_angle_deg(CAMERA, growing) == pytest.approx(65, abs=0.3)
+    assert certain_angle_deg(CAMERA, growing, 1.0) == pytest.approx(65, abs=0.3)
     # In the middle of a mirror's picture nothing is certain, and the field is not there at fault.
-    assert certain_angle_deg(CAMERA, mirrored) == pytest.approx(65, abs=0.3)
-    assert certain_angle_deg(CAMERA, known) == CAMERA.max_angle_deg
+    assert certain_angle_deg(CAMERA, mirrored, 1.0) == pytest.approx(65, abs=0.3)
+    assert certain_angle_deg(CAMERA, known, 1.0) == CAMERA.max_angle_deg
+    assert certain_angle_deg(CAMERA, growing, 1.15) == pytest.approx(80, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("size", "goal_px", "expected"),
+    [((640, 480), None, 1), ((640, 480), 0.1, 1), ((640, 480), 3, 3), ((4000, 90), 1.5, 2)],
+)
+def test_a_goal_does_not_end_a_field_before_the_usual_pixel(size, goal_px, expected):
+    assert end_px(size, goal_px) == expected
 
 
 def test_sides_that_a_photo_does_not_show_do_not_end_its_field():
@@ -107,5 +117,5 @@ def test_sides_that_a_photo_does_not_show_do_not_end_its_field():
         aside = np.degrees(np.arctan2(rays[:, 1], np.abs(rays[:, 0])))
         return np.where((aside > -10) & (rays[:, 2] < 0.5), 9.0, 0.1)
 
-    assert certain_angle_deg(CAMERA, uncertain_below) == pytest.approx(60, abs=0.3)
-    assert certain_angle_deg(shown, uncertain_below) == CAMERA.max_angle_deg
+    assert certain_angle_deg(CAMERA, uncertain_below, 1.0) == pytest.approx(60, abs=0.3)
+    assert certain_angle_deg(shown, uncertain_below, 1.0) == CAMERA.max_angle_deg

@@ -54,7 +54,7 @@ def test_its_keys_are_the_fields_of_its_lift() -> None:
     names = [key_of(one) for one in fields(FitRecord)]
     marked = MarkedPoints(noise_px=1.5)
     ray, point = (
-        list(FitRecord(rms_px=1.0, lift=lift, marked=marked).as_record())
+        list(FitRecord(rms_px=1.0, lift=lift, marked=marked, goal_px=0.1).as_record())
         for lift in ("ray", "point")
     )
     assert [name for name in names if name in ray or name in point] == names

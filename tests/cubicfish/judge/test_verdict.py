@@ -236,6 +236,47 @@ def test_small_errors_do_not_clear_an_uncertain_camera(sigma: float, level: str)
     assert larger.level == ("good" if sigma < 2 else "bad")
 
 
+@pytest.mark.parametrize(
+    ("median_px", "p95_px", "goal_px", "level"),
+    [
+        (0.02, 0.05, 0.1, "good"),
+        (0.02, 0.15, 0.1, "care"),
+        (0.12, 0.15, 0.1, "bad"),
+        (1.5, 2.5, 3.0, "good"),
+        (1.5, 3.5, 3.0, "care"),
+        (3.1, 3.5, 3.0, "bad"),
+    ],
+)
+@pytest.mark.parametrize("size", [SIZE, (8000, 6000)])
+def test_a_goal_of_ones_own_decides(
+    median_px: float, p95_px: float, goal_px: float, level: str, size: tuple[int, int]
+) -> None:
+    certain = {"median_px": median_px, "p95_px": p95_px}
+    record = FitRecord.of({**GOOD, "uncertainty": certain, "goal_px": goal_px})
+    assert FitRecord.of(record.as_record()).goal_px == goal_px
+    said = verdict(record, size)
+    expected = [] if level == "good" else [(Code.UNCERTAIN, "goal")]
+    assert (said.level, [(one.code, one.case) for one in said.reasons]) == (level, expected)
+    at_corners = FieldUncertainty(**certain)
+    elsewhere = evaluation_verdict(ErrorStatistics(rms_px=0.12), at_corners, record, size)
+    assert (elsewhere.level == "bad") == (level == "bad")
+
+
+def test_a_rim_within_the_goal_is_not_extrapolated_too_far() -> None:
+    far = {"all_around_deg": 60.0, "edge_uncertainty_px": 0.7}
+    certain = {"median_px": 0.1, "p95_px": 0.2}
+    judge = {**GOOD, "reach": far, "uncertainty": certain}
+    assert [one.code for one in judged(judge, SIZE).reasons] == [Code.EXTRAPOLATED]
+    assert judged({**judge, "goal_px": 0.8}, SIZE).level == "good"
+
+
+def test_an_uncertain_rim_is_said_once_by_what_explains_it() -> None:
+    rim = {"uncertainty": {"median_px": 0.1, "p95_px": 0.6}}
+    far = {"reach": {"all_around_deg": 60.0, "edge_uncertainty_px": 0.7}}
+    assert [one.case for one in judged({**GOOD, **rim}, SIZE).reasons] == ["rim"]
+    assert [one.code for one in judged({**GOOD, **rim, **far}, SIZE).reasons] == [Code.EXTRAPOLATED]
+
+
 def test_the_page_of_figures_states_the_limits_of_the_verdict() -> None:
     page = Path(__file__).parents[3] / "docs" / "expectations.md"
     rows = [line.split(" | ") for line in page.read_text(encoding="utf-8").splitlines()]

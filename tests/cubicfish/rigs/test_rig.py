@@ -14,6 +14,7 @@ from synthetic_lenses import SineProfile, synthetic_lens
 
 from cubicfish.errors import FitError
 from cubicfish.fit.folds import dealt_out
+from cubicfish.judge.codes import Code
 from cubicfish.models.radial import RadialCamera
 from cubicfish.rigs import fitted_rig, joint_fit
 from cubicfish.rigs.calibrate import calibrate_rig
@@ -82,6 +83,41 @@ def fitted(
         refine_target="off",
         hold_lenses=hold_lenses,
     )
+
+
+def with_copies(pairs: Observations, copies: Sequence[int], noise: float) -> Observations:
+    """The same photos, and some of them once more a moment later."""
+    rng, parts = np.random.default_rng(5), [pairs]
+    for number, copy in enumerate(copies):
+        again = select_photos(pairs, np.array([copy]))
+        pixel = again.pixel + rng.normal(0, noise, again.pixel.shape)
+        names = (f"{again.images[0]}_{number}",)
+        parts.append(replace(again, pixel=pixel, images=names))
+    return Observations.joined(parts)
+
+
+@pytest.mark.parametrize(("copies", "severity"), [(range(10), "care"), (range(2), "note")])
+def test_shots_that_follow_each_other_closely_are_named_once(
+    copies: Sequence[int], severity: str
+) -> None:
+    plain, _ = simulated()
+    rig = fitted([with_copies(one, copies, 0.1) for one in plain])
+    (found,) = rig.fit.findings
+    assert (found.code, found.case, found.severity) == (Code.REPEATS, "shots", severity)
+    figures = found.figures
+    assert (figures["shots"], figures["distinct"]) == (10 + len(copies), 10)
+    assert len(found.shots) == 2 * len(copies)
+    # Copies add no certainty of where cameras stand, beyond that of their corners' noise.
+    before, after = (one.cameras[1].shift_sigma for one in (fitted(plain), rig))
+    assert after > 0.85 * before
+
+
+def test_shots_all_from_one_place_are_named() -> None:
+    plain, _ = simulated()
+    still = [with_copies(select_photos(one, np.array([3])), [0, 0, 0], 0.1) for one in plain]
+    told = [(one.code, one.case) for one in fitted(still).fit.findings]
+    assert (Code.ONE_PLACE, "shots") in told
+    assert (Code.ONE_PLACE, "") not in told
 
 
 def test_one_camera_given_twice_is_refused():

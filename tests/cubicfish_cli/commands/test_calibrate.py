@@ -1,6 +1,7 @@
 """calibrate and evaluate: what they print, what they write, and when they refuse."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -146,6 +147,27 @@ def test_a_failed_gate_exits_with_3_and_the_work_is_done(
     if command == "calibrate":
         assert (tmp_path / "c" / "camera.yaml").exists()
         run(command, CORNERS, "-t", TARGET, "--max-rms", 0.1, "--overwrite", *more)
+
+
+def test_a_goal_of_ones_own_is_kept_with_the_camera(run: Run, tmp_path: Path) -> None:
+    made = run("calibrate", CORNERS, "-t", TARGET, "--goal", 1e-4, "-o", tmp_path, "--no-hold-out")
+    assert "verdict: not to be trusted: uncertainty is" in made.stdout
+    assert "the goal is 0.0001 px" in made.stdout
+    told = run("info", tmp_path).stdout
+    assert "not to be trusted" in told
+    assert re.search(r"goal +0.0001 px", told)
+    assert json.loads(run("info", tmp_path, "--json").stdout)["verdict"]["level"] == "bad"
+    about = json.loads(run("advise", tmp_path, "--json").stdout)
+    assert (about["enough"], about["goal_px"]) == (False, 1e-4)
+    # What is asked for now takes its place.
+    about = json.loads(run("advise", tmp_path, "--goal", 1, "--json").stdout)
+    assert "uncertain" not in [one["code"] for one in about["findings"]]
+    assert about["goal_px"] == 1
+    run("transform", tmp_path, "--scale", 0.5, "-o", tmp_path / "half.yaml")
+    assert load_camera(tmp_path / "half.yaml").fit.goal_px == pytest.approx(5e-5)
+    usual = run("calibrate", CORNERS, "-t", TARGET, "--overwrite", "-o", tmp_path, "--no-hold-out")
+    assert "--goal" not in usual.stdout
+    assert "goal_px:" not in (tmp_path / "camera.yaml").read_text()
 
 
 def correspondences(folder: Path) -> Path:

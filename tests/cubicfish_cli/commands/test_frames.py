@@ -94,7 +94,7 @@ def two_boards(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (
             "frames",
             "5x3",
-            "photos show grids of 7x5 (in 24) inner corners, but the target has one board of",
+            "photos show grids of 7x5 inner corners, but the target has one board of",
         ),
     ],
 )

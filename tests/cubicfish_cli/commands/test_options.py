@@ -86,6 +86,7 @@ CASES = {
             "--output": ("{out}/d", FITS),
             "--title": ("left", FITS),
             "--refine-target": ("shape", FITS - {"pairs", "point"}),
+            "--goal": ("0.0001", FITS - {"point"}),
             "--hold-out": (None, FITS),
             "--lift": ("point", FITS),
             "--most": ("2", SEARCHED),

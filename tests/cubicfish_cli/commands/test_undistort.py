@@ -384,10 +384,28 @@ def test_rescaled_photos_show_the_same(run: Run, model: Path, tmp_path: Path) ->
     half = cv2.resize(photo, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     cv2.imwrite(str(tmp_path / "half.png"), half)
     view = ["-m", model, "--hfov", 60, "--size", "160x120"]
-    run("undistort", tmp_path / "whole.png", tmp_path / "whole_flat.png", *view)
-    run("undistort", tmp_path / "half.png", tmp_path / "half_flat.png", *view)
+    said = run("undistort", tmp_path / "whole.png", tmp_path / "whole_flat.png", *view).stderr
+    assert "photo of the same camera" not in said
+    said = run("undistort", tmp_path / "half.png", tmp_path / "half_flat.png", *view).stderr
+    assert "half.png has 480x360 pixels, 0.5 times" in said
+    assert "(960x720): taken as a reduced photo of the same camera" in said
     whole = picture(tmp_path / "whole_flat.png").astype(float)
     assert np.abs(picture(tmp_path / "half_flat.png") - whole).mean() < 1.2
+
+
+def test_sizes_that_are_not_the_cameras_own_are_said_once_each(
+    run: Run, model: Path, tmp_path: Path
+) -> None:
+    photos = tmp_path / "in"
+    photos.mkdir()
+    for number, scale in enumerate((1.5, 1.0, 0.5, 1.5)):
+        sized = cv2.resize(picture(PHOTO), None, fx=scale, fy=scale)
+        cv2.imwrite(str(photos / f"{number}.png"), sized)
+    line = ("undistort", photos, tmp_path / "out", "-m", model, "--size", "96x72", "-j", 1)
+    said = run(*line).stderr
+    assert said.count("photo of the same camera") == 2
+    assert "0.png has 1440x1080 pixels, 1.5 times" in said
+    assert "taken as an enlarged photo" in said
 
 
 def test_the_mask_and_the_camera_go_along(run: Run, model: Path, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from cubicfish.comparison import aligned_difference
 from cubicfish.fit import coverage
 from cubicfish.fit.calibrate import calibrate
 from cubicfish.fit.evaluate import evaluate
+from cubicfish.judge.codes import Code
 from cubicfish.models.sphere import cone_rays, ray_at
 from cubicfish_cli.extensions.advice.advise import advise
 from cubicfish_cli.inputs.calibration_facts import facts_of_fit
@@ -17,8 +18,8 @@ TARGET = corner_of_three()
 PAIRS = synthetic_correspondences(TARGET, poses_around(TARGET, 12, seed=3)[:3], noise=0.6, seed=3)
 
 
-def fitted():
-    return calibrate(PAIRS, target=TARGET, hold_out=False, refine_target="off")
+def fitted(**more):
+    return calibrate(PAIRS, target=TARGET, hold_out=False, refine_target="off", **more)
 
 
 @pytest.fixture(scope="module")
@@ -45,8 +46,16 @@ def test_the_camera_is_right_up_to_there(few):
 
 
 @pytest.mark.slow
+def test_who_is_content_with_more_has_the_whole_field(few):
+    content = fitted(goal_px=20.0)
+    assert content.camera.max_angle_deg > few.fit.covered_deg
+    assert Code.UNCERTAIN not in [one.code for one in content.verdict.reasons]
+    assert np.array_equal(content.camera.P, few.camera.P)
+
+
+@pytest.mark.slow
 def test_the_cubic_is_that_of_all_corners(few, monkeypatch):
-    monkeypatch.setattr(coverage, "certain_angle_deg", lambda camera, sigma: camera.max_angle_deg)
+    monkeypatch.setattr(coverage, "certain_angle_deg", lambda camera, *_: camera.max_angle_deg)
     whole = fitted()
     assert whole.camera.max_angle_deg > few.fit.covered_deg
     assert np.array_equal(whole.camera.P, few.camera.P)

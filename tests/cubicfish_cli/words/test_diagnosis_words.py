@@ -57,14 +57,14 @@ def test_another_target_is_said_with_both_sizes() -> None:
     seen = identified(*[(report((6, 4), Decided.SLIDE),)] * 5)
     (said,) = nothing_named(grid_evidence(seen, LARGE))
     assert render(said).what == (
-        "5 photos show grids of 6x4 (in 5) inner corners, but the target has boards of another "
+        "5 photos show grids of 6x4 inner corners, but the target has boards of another "
         "size (floor 9x7, wall 8x6)"
     )
     seen = identified(*[(report((7, 7), Decided.NAMED),)] * 3)
     counts = [Count(board=0, size=(7, 7), photos=3)]
     (said,) = another_target(grid_evidence(seen, ONE, counts=counts))
     assert render(said).what == (
-        "3 photos show grids of 7x7 (in 3) inner corners, but the target has one board of another "
+        "3 photos show grids of 7x7 inner corners, but the target has one board of another "
         "size (b 9x7)"
     )
 

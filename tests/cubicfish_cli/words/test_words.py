@@ -42,7 +42,8 @@ TEXTS_OF = {
     "says": "floor 9x6", "problem": "c.png is empty", "seen": "up to 9x6", "line": "it is",
     "path": "a.yaml", "name": "left", "film": "a.mp4", "folder": "frames", "video": "flat.mp4",
     "ended": "as many as were asked for", "first_square": "light", "first": "right",
-    "unseen": "right", "given": "bgr0", "written": "yuv420p",
+    "unseen": "right", "given": "bgr0", "written": "yuv420p", "photo": "b.jpg", "size": "640x480",
+    "calibrated": "1280x960",
     "pictures": "2 photos", "refined": "target.refined.yaml",
 }  # fmt: skip
 ZOOMED = Finding(code=Code.ZOOM, text=FindingText("it is off", do="look"))
