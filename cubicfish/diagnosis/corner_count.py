@@ -360,16 +360,24 @@ def _describe_another_target(identified: Identified, target: Target) -> Finding:
         severity=Severity.BAD,
         boards=tuple(board.name for board in boards),
         figures={
-            "photos": sum(bool(own) for own in identified.grids),
+            "photos": _count_photos(identified),
             "seen": _describe_sizes(identified, target),
             "says": says + more,
         },
     )
 
 
+def _count_photos(identified: Identified) -> int:
+    """How many photos show a grid."""
+    return sum(bool(own) for own in identified.grids)
+
+
 def _describe_sizes(identified: Identified, target: Target) -> str:
     """Sizes of grids that photos show whole and the target does not have, or of the largest."""
     common = _list_other_sizes(identified, target, _FEWEST_PHOTOS, _MOST_SIZES)
+    if [photos for _, photos in common] == [_count_photos(identified)]:
+        (long, short), _ = common[0]
+        return f"{long}x{short}"
     if common:
         return listed([f"{long}x{short} (in {photos})" for (long, short), photos in common], "")
     columns, rows = _find_largest(identified)

@@ -327,8 +327,6 @@ def _no_usable_photo_of_several(first: Said, more: int) -> Said:
 @WORDS.finding(Code.ANOTHER_TARGET)
 def _another_target(boards: Names, photos: int, seen: str, says: str) -> Said:
     size = f"{pick(boards, 'one board', 'boards')} of another size"
-    if seen.count(" (in ") == 1:  # in all of them
-        seen = seen.removesuffix(f" (in {photos})")
     shown = (
         f"{plural(photos, 'photo')} {pick(photos, 'shows', 'show')} grids of {seen} inner corners"
     )

@@ -35,7 +35,8 @@ KEYS: dict[str, Mapping[str, str]] = {
 
 # Keys that only cameras and rigs have which are tested elsewhere.
 RARE = {
-    "calibrate": {"marked"},  # of points that somebody marked
+    # Of points that somebody marked, and with a goal.
+    "calibrate": {"goal_px", "marked"},
     "export": {"beyond", "formats"},
     "import": {"fold_deg"},
 }
