@@ -23,8 +23,6 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from cubicfish.target import BOARD_TYPES
-
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
@@ -33,6 +31,7 @@ import cv2
 import numpy as np
 from asymmetric_lens import AsymmetricLens
 from looking import look_at
+from synthetic import checkerboard
 
 from cubicfish import Target
 from cubicfish.find import find_grids
@@ -111,15 +110,7 @@ def rendered() -> Iterator[Photo]:
         ("back", (gap, 0, gap), (1, 0, 0), (0, 0, 1)),
     )
     boards = tuple(
-        BOARD_TYPES["checkerboard"](
-            name=name,
-            columns=n,
-            rows=n,
-            square=square,
-            origin=np.array(origin, float),
-            x_axis=np.array(x_axis, float),
-            y_axis=np.array(y_axis, float),
-        )
+        checkerboard(name, n, n, square, origin, x_axis, y_axis)
         for name, origin, x_axis, y_axis in axes
     )
     target = Target(units="mm", boards=boards)

@@ -20,6 +20,7 @@ import numpy as np
 from cubicfish.find import find_grids
 
 SIZE = (640, 480)
+EVERY = 50  # pictures: how far it is
 Picture = np.ndarray
 Random = np.random.Generator
 
@@ -218,6 +219,9 @@ def main() -> None:
                     for x, y in grid.pixel:
                         cv2.circle(seen, (round(x), round(y)), 3, (0, 0, 255), 1)
                 cv2.imwrite(str(arguments.save / f"{number:04d}_{kind.__name__}.png"), seen)
+        if (number + 1) % EVERY == 0:
+            false, spent = sum(map(len, wrong.values())), time.process_time() - start
+            print(f"{number + 1} pictures, {false} with a grid, {spent:.0f} s of CPU", flush=True)
     print(f"{'kind':12} pictures  with a grid  [number, corners of each grid]")
     for name, count in pictures.items():
         print(f"{name:12} {count:8d} {len(wrong[name]):12d}  {wrong[name] or ''}")

@@ -43,12 +43,12 @@ from cubicfish import (
     Target,
     aligned_difference,
     calibrate,
+    detect,
     load_corners,
     save_corners,
 )
 from cubicfish.files import FrameName
 from cubicfish.models import cone_rays
-from cubicfish.observe import find_corners
 from cubicfish.photos import Photo, find_photos
 from cubicfish.scene import Look
 from cubicfish_cli.films.source import decode, opened
@@ -119,7 +119,7 @@ def fitted(pairs: Observations, target: Target) -> Calibration | None:
 
 def corners_in(photos: Sequence[Photo], target: Target) -> Observations:
     """The corners that photos show at first sight."""
-    return find_corners(photos, [target], Run(jobs=1), again=False).corners
+    return detect(photos, [target], Run(jobs=1), again=False).corners
 
 
 def measured(

@@ -23,10 +23,9 @@ import sys
 import time
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-
-from cubicfish.target import BOARD_TYPES
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -37,10 +36,9 @@ import numpy as np
 from synthetic import TrueCorners
 from synthetic_lenses import SYNTHETIC_LENSES, SyntheticLens, synthetic_lens
 
-from cubicfish import CubicfishError, Target, detect
-from cubicfish.find import find_grids, find_marked_corners
+from cubicfish import CubicfishError, DetectionError, Target, detect
+from cubicfish.find import find_grids
 from cubicfish.scene import Look, Scene
-from cubicfish.target import Markers
 
 SIZE = (640, 480)
 Pose = tuple[np.ndarray, np.ndarray]
@@ -173,22 +171,10 @@ CASES = (
 
 
 def board(marked: bool) -> Target:
-    markers = Markers(dictionary="DICT_4X4_50", side=0.8 * SQUARE, first=0, count=44)
-    return Target(
-        units="mm",
-        boards=(
-            BOARD_TYPES["charuco" if marked else "checkerboard"](
-                name="board",
-                columns=COLUMNS,
-                rows=ROWS,
-                square=SQUARE,
-                origin=np.zeros(3),
-                x_axis=np.array([1.0, 0, 0]),
-                y_axis=np.array([0, 1.0, 0]),
-                markers=markers if marked else None,
-            ),
-        ),
-    )
+    own = {"name": "board", "corners": [COLUMNS, ROWS], "square": SQUARE, "type": "checkerboard"}
+    if marked:
+        own |= {"type": "charuco", "dictionary": "DICT_4X4_50", "marker": 0.8 * SQUARE}
+    return Target.from_data({"units": "mm", "boards": [own]})
 
 
 def chosen_pose(case: Hard, lens: SyntheticLens, rng: np.random.Generator) -> Pose:
@@ -300,7 +286,9 @@ PLAIN = {"cubicfish": ours, "cv2 SB": sectors, "cv2 classic": classic}
 
 
 def our_marked(photo):
-    return [find_marked_corners(photo, board(True), find_grids(photo)).pixel]
+    with suppress(DetectionError):  # none is named
+        return [detect([photo], board(True), again=False).corners.pixel]
+    return []
 
 
 def charuco(photo):

@@ -21,15 +21,13 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
-from cubicfish.target import BOARD_TYPES
-
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
 import numpy as np
 from simulated import CornerErrors, simulated_corners
-from synthetic import TRUE_LENS
+from synthetic import TRUE_LENS, checkerboard
 from synthetic_lenses import SYNTHETIC_LENSES, synthetic_lens
 
 from cubicfish import CubicfishError, Target, aligned_difference, calibrate
@@ -49,20 +47,7 @@ PHOTOS = (5, 10, 30)
 
 
 def board() -> Target:
-    return Target(
-        units="mm",
-        boards=(
-            BOARD_TYPES["checkerboard"](
-                name="board",
-                columns=9,
-                rows=6,
-                square=30.0,
-                origin=np.zeros(3),
-                x_axis=np.array([1.0, 0, 0]),
-                y_axis=np.array([0, 1.0, 0]),
-            ),
-        ),
-    )
+    return Target(units="mm", boards=(checkerboard("board", 9, 6, 30.0),))
 
 
 def rms(miss: np.ndarray) -> float:

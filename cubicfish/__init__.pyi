@@ -22,7 +22,6 @@ from cubicfish.find.identification.identified import Detection as Detection
 from cubicfish.fit.calibration import Calibration as Calibration
 from cubicfish.fit.evaluate import Evaluation as Evaluation
 from cubicfish.io.camera_yaml import CameraFile as CameraFile
-from cubicfish.io.camera_yaml import load_any_camera as load_any_camera
 from cubicfish.io.camera_yaml import load_camera as load_camera
 from cubicfish.io.corners_csv import load_corners as load_corners
 from cubicfish.io.corners_csv import save_corners as save_corners
@@ -40,7 +39,6 @@ from cubicfish.rigs.panorama import stitch as stitch
 from cubicfish.rigs.rig import Rig as Rig
 from cubicfish.rigs.rig import load_rig as load_rig
 from cubicfish.rigs.rig import save_rig as save_rig
-from cubicfish.rigs.stereo import RectifiedPair as RectifiedPair
 from cubicfish.rigs.stereo import rectify as rectify
 from cubicfish.run import Run as Run
 from cubicfish.target.observations import Observations as Observations

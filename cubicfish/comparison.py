@@ -5,19 +5,18 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.spatial import KDTree
-from scipy.spatial.transform import Rotation
 
 from cubicfish.angles import angle_from_axis
 from cubicfish.arrays import Refusal
 from cubicfish.errors import FitError, ViewError
 from cubicfish.fit.alignment import Project, turned_onto
-from cubicfish.geometry import pixel_grid
+from cubicfish.geometry import nearest_rotation, pixel_grid
 from cubicfish.judge.fit_record import ErrorStatistics
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.sphere import all_around, ray_at
+from cubicfish.solve.poses import vector_from_rotation
 from cubicfish.solve.statistics import error_statistics, rings
-from cubicfish.types import FloatArray
+from cubicfish.types import FloatArray, IntArray
 from cubicfish.views.view import PointProjector
 from cubicfish.wording import Brief
 
@@ -28,6 +27,8 @@ _FEW_PIXELS = 400
 # A ray and the one whose pixel is nearest in the other lens say how the frames are turned; the
 # farthest of such pairs come from outside the other's field and are left out in the next round.
 _START_ROUNDS = 4
+_START_RAYS = 500
+_DISTANCES = 500_000  # at once
 _START_SHARE = 0.8
 
 
@@ -58,7 +59,7 @@ class Comparison(Brief):
     @property
     def rotation_deg(self) -> float:
         """Angle of the rotation between the frames."""
-        return float(np.rad2deg(Rotation.from_matrix(self.rotation).magnitude()))
+        return float(np.rad2deg(np.linalg.norm(vector_from_rotation(self.rotation[None]))))
 
     def difference(self, pixel: FloatArray) -> FloatArray:
         """Where the second camera sees what the first sees at ``pixel``, less it.
@@ -154,27 +155,35 @@ def aligned_difference(
     return turned_onto(first.project, rays, wanted, _fit_turn(first.project, rays, wanted))
 
 
-def _fit_turn(project: Project, rays: FloatArray, wanted: FloatArray) -> Rotation:
+def _fit_turn(project: Project, rays: FloatArray, wanted: FloatArray) -> FloatArray:
     """Turn each ray onto that ray whose pixel in a lens is nearest to its own (Wahba 1965)."""
     # Rays of the whole sphere: the lens may look along any axis of its frame.
     probes = all_around(max(4 * len(rays), 4000))
     seen = project(probes)
     good = np.isfinite(seen).all(axis=1)
-    pairs = np.isfinite(wanted).all(axis=1)
-    if good.sum() < 3 or pairs.sum() < 3:
-        return Rotation.identity()
-    distance, nearest = KDTree(seen[good]).query(wanted[pairs])
-    matched = probes[good][nearest]
-    own = rays[pairs]
+    pairs = np.flatnonzero(np.isfinite(wanted).all(axis=1))
+    if good.sum() < 3 or len(pairs) < 3:
+        return np.eye(3)
+    some = pairs[:: max(1, len(pairs) // _START_RAYS)]
+    nearest, distance = _find_nearest(wanted[some], seen[good])
+    matched, own = probes[good][nearest], rays[some]
     near = distance <= np.quantile(distance, _START_SHARE)
-    rotation = Rotation.identity()
+    rotation = np.eye(3)
     for _ in range(_START_ROUNDS):
         if near.sum() < 3:
             break
-        rotation, _ = Rotation.align_vectors(matched[near], own[near])
-        off = np.linalg.norm(rotation.apply(own) - matched, axis=1)
+        rotation = nearest_rotation(matched[near].T @ own[near])
+        off = np.linalg.norm(own @ rotation.T - matched, axis=1)
         near = off <= np.quantile(off, _START_SHARE)
     return rotation
+
+
+def _find_nearest(pixel: FloatArray, among: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Find the nearest of pixels (M, 2) to each of (N, 2): (N,) its index and its distance."""
+    square, parts = np.sum(among**2, axis=1), len(pixel) * len(among) // _DISTANCES + 1
+    blocks = np.array_split(pixel, parts)
+    index = np.concatenate([np.argmin(square - 2 * one @ among.T, axis=1) for one in blocks])
+    return index, np.linalg.norm(pixel - among[index], axis=1)
 
 
 def _spread_near_axis(camera: CubicCamera) -> FloatArray:

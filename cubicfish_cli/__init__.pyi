@@ -11,7 +11,6 @@ from cubicfish import Event as Event
 from cubicfish import Finding as Finding
 from cubicfish import Listener as Listener
 from cubicfish import Observations as Observations
-from cubicfish import RectifiedPair as RectifiedPair
 from cubicfish import Rig as Rig
 from cubicfish import Run as Run
 from cubicfish import Target as Target
@@ -28,7 +27,6 @@ from cubicfish import compare_rigs as compare_rigs
 from cubicfish import detect as detect
 from cubicfish import evaluate as evaluate
 from cubicfish import evaluate_rig as evaluate_rig
-from cubicfish import load_any_camera as load_any_camera
 from cubicfish import load_camera as load_camera
 from cubicfish import load_corners as load_corners
 from cubicfish import load_rig as load_rig

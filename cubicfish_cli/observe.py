@@ -19,7 +19,6 @@ from cubicfish import (
     load_corners,
 )
 from cubicfish.files import Fingerprint
-from cubicfish.io import load_correspondences
 from cubicfish_cli.inputs.paths import (
     InputKind,
     is_recording,
@@ -143,7 +142,7 @@ def load_inputs(
         loaded = Inputs(pairs=corners, corners=corners, files=(file,), target_file=target_file)
     else:
         file = Fingerprint.of(inputs[0])
-        loaded = Inputs(pairs=load_correspondences(inputs[0], image_size=image_size), files=(file,))
+        loaded = Inputs(pairs=load_corners(inputs[0], image_size=image_size), files=(file,))
     if exclude and kind != "photos":
         loaded = loaded.without(exclude)
     pixel = loaded.pairs.pixel
@@ -164,7 +163,7 @@ def _find_in_photos(
     unplaced: bool,
 ) -> Inputs:
     # Tables need no finder of corners, and begin at once without it.
-    from cubicfish.observe import find_corners
+    from cubicfish import detect
 
     target_file = target.fingerprint()
     targets = target.load(run.listener, unplaced=unplaced)
@@ -178,7 +177,7 @@ def _find_in_photos(
     elif most is None and len(photos) > _MANY:
         run.listener.tell(Event.MANY_PHOTOS, photos=len(photos))
     files = tuple(Fingerprint.of(photo.path) for photo in photos)
-    detection = find_corners(photos, targets, run)
+    detection = detect(photos, targets, run)
     return Inputs(
         pairs=detection.corners,
         corners=detection.corners,

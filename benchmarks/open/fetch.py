@@ -1,15 +1,13 @@
 """Public sets of photos, from GitHub or from a folder of clones or bare repositories.
 
-    python benchmarks/open/fetch.py OUT [--snapshots DIR] [--cameras NAME ...]
-
 A set comes at the commit, and with the files' hashes, that ``cameras.lock.json`` has; a set that is
 not in it yet comes as it is at its newest commit, and is noted there. Only plain git is used, and
 only what is needed is brought. Nothing is passed on: photos stay under their owners' licences.
 """
 
-import argparse
 import hashlib
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -18,6 +16,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 LOCK = HERE / "cameras.lock.json"
 GITHUB = "https://github.com/{}"
+NO_QUESTIONS = {"GIT_TERMINAL_PROMPT": "0"}
 LICENCE = re.compile(r"^(licen[cs]e|copying)[^/]*$", re.IGNORECASE)
 
 
@@ -31,9 +30,9 @@ def cameras():
 
 
 def git(folder, *arguments):
-    """What git says, as bytes."""
-    command = ["git", "-C", str(folder), "-c", "core.quotePath=false", *arguments]
-    told = subprocess.run(command, capture_output=True)
+    """What git says, as bytes; of what is gone, GitHub would ask for a password."""
+    command = ["git", "-C", str(folder), "-c", "safe.directory=*", *arguments]
+    told = subprocess.run(command, capture_output=True, env=os.environ | NO_QUESTIONS)
     if told.returncode:
         said = told.stderr.decode(errors="replace").strip().splitlines() or ["git failed"]
         raise Unavailable(f"git {arguments[0]}: {said[-1]}")
@@ -50,19 +49,16 @@ def repository(repo, out, snapshots, commit):
         raise Unavailable(f"{snapshots} has no {name}")
     here = out / ".clones" / repo.replace("/", "+")
     if not (here / "HEAD").exists():
-        here.mkdir(parents=True, exist_ok=True)
-        git(here, "init", "-q", "--bare")
-        git(here, "remote", "add", "origin", GITHUB.format(repo))
-        git(here, "config", "remote.origin.promisor", "true")
-        git(here, "config", "remote.origin.partialclonefilter", "blob:none")
-    # Names and folders only; photos come one by one, when they are asked for.
+        # Names and folders only; photos come one by one, when they are asked for.
+        how = ("--bare", "--depth=1", "--filter=blob:none")
+        git(out, "clone", "-q", *how, GITHUB.format(repo), str(here.resolve()))
     git(here, "fetch", "-q", "--depth=1", "origin", commit or "HEAD")
     git(here, "update-ref", "HEAD", "FETCH_HEAD")
     return here
 
 
 def wanted(record, names):
-    """Paths in the repository, by the names that the photos get here."""
+    """Paths in the repository, by the names that the files get here."""
     if "files" in record:
         return dict(record["files"])
     pattern = re.compile(re.escape(record["film"]) + "$" if "film" in record else record["photos"])
@@ -90,21 +86,16 @@ def brought(name, record, out, snapshots, known):
         hashes[own] = hashlib.sha256(data).hexdigest()
         if known.get("sha256", hashes).get(own) != hashes[own]:
             raise Unavailable(f"{path} is not the file that cameras.lock.json has")
-        file = folder / own if "film" in record else folder / "images" / own
+        part = "" if "film" in record else "corners" if own.endswith(".orpc") else "images"
+        file = folder / part / own
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(data)
-    licences = [one for one in names if LICENCE.match(one)]
-    first = git(here, "cat-file", "blob", f"{commit}:{licences[0]}") if licences else b""
-    said = [line.strip() for line in first.decode(errors="replace").splitlines() if line.strip()]
+    for licence in [one for one in names if LICENCE.match(one)][:1]:
+        (folder / "LICENSE").write_bytes(git(here, "cat-file", "blob", f"{commit}:{licence}"))
     (folder / "target.yaml").write_text(record["target"], encoding="utf-8")
-    test = re.compile(record.get("test", "$^"))
-    source = {
-        "repo": GITHUB.format(record["repo"]), "commit": commit,
-        "licence": said[0] if said else "none stated",
-        "test": [own for own, path in paths.items() if test.search(path)],
-    }  # fmt: skip
+    test = [own for own, path in paths.items() if re.search(record.get("test", "$^"), path)]
+    source = {"repo": GITHUB.format(record["repo"]), "commit": commit, "test": test}
     (folder / "source.json").write_text(json.dumps(source, indent=1), encoding="utf-8")
-    shutil.rmtree(out / name, ignore_errors=True)
     folder.rename(out / name)
     return {"commit": commit, "sha256": hashes}
 
@@ -126,17 +117,3 @@ def all_of(names, out, snapshots=None, lock=LOCK):
     if known:
         lock.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     return missing
-
-
-def main():
-    """Bring sets of photos."""
-    parser = argparse.ArgumentParser(description="Public sets of photos for the open benchmark.")
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--snapshots", type=Path, metavar="DIR")
-    parser.add_argument("--cameras", nargs="*", metavar="NAME")
-    given = parser.parse_args()
-    all_of(given.cameras or list(cameras()), given.out, given.snapshots)
-
-
-if __name__ == "__main__":
-    main()

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+FOLDS = 5
+CELLS = (16, 12)  # parts of the photo
 LEAST = 6  # corners that make a photo worth fitting
 PLAUSIBLE = 0.005  # an RMS above so much of the width is a fit that went astray
 
@@ -16,13 +18,15 @@ class Job:
 
     ``world`` (K, 3) and ``local`` (K, 2) are the target's corners in the target's frame and in that
     of their ``board`` (K,), where each has a ``column`` and a ``row``. ``photos`` are (name, file,
-    numbers of corners (N,), pixels (N, 2)).
+    numbers of corners (N,), pixels (N, 2)); ``fold`` says when each is held out, -1 for never.
     """
 
     def __init__(self, path):
         self.path, self.data = Path(path), dict(np.load(path))
         for name in ("world", "local", "board", "column", "row"):
             setattr(self, name, self.data[name])
+        test, number = self.data["test"], np.arange(len(self.data["names"]))
+        self.fold = np.where(test, 0, -1) if test.any() else number % min(FOLDS, len(number))
         self.size = tuple(int(side) for side in self.data["size"])
         self.boards = json.loads(str(self.data["boards"]))
         self.target = self.path.parent / "target.yaml"
@@ -86,6 +90,13 @@ class Job:
         """The photos as measure.evaluated takes them."""
         return [(point, pixel, self.board[point]) for _, _, point, pixel in self.photos]
 
+    def spread(self):
+        """A corner of each part of the field that has any: their numbers, and pixels (N, 2)."""
+        pixel = np.concatenate([one[3] for one in self.photos])
+        cell = np.floor(pixel / self.size * CELLS) @ [1, CELLS[0]]
+        first = np.unique(cell, return_index=True)[1]
+        return first, pixel[first]
+
     def table(self):
         """A corners.csv of these photos."""
         file = self.path.parent / f"corners_{os.getpid()}.csv"
@@ -97,6 +108,16 @@ class Job:
                 rows.append(f"{name},{board},{self.column[k]},{self.row[k]},{x:.6f},{y:.6f}")
         file.write_text("\n".join(rows) + "\n", encoding="utf-8")
         return file
+
+
+def by_fisheye(k, d, points):
+    """cv2.fisheye's pixels. It divides by z: what is beside or behind the camera has none."""
+    import cv2
+
+    where, zero = np.ascontiguousarray(points[:, None], float), np.zeros(3)
+    with np.errstate(all="ignore"):
+        seen = cv2.fisheye.projectPoints(where, zero, zero, k, d)[0]
+    return np.where(points[:, 2:] > 0, seen[:, 0], np.nan)
 
 
 def grids_of(board, column, row):

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 RAYS = 12000  # that are tried,
 REACH_DEG = 125.0  # up to so far from the axis, as the start of a pose
+REACHED = 1.0  # px, within which some ray must come to a corner for it to have a say
 TIGHT = 3.0  # residuals beyond so many times their median count less (Huber's loss)
 
 
@@ -127,6 +128,10 @@ def start_of(rays, points):
 def pose_of(project, points, pixel, group, table):
     """The pose of one photo: a start from each flat group of its points, the best one refined."""
     rays, best, least = rays_of(project, pixel, table), None, np.inf
+    # A lens that ends before a corner would push the pose until that corner is inside.
+    near = np.linalg.norm(project(rays * np.linalg.norm(table[0][0])) - pixel, axis=1) < REACHED
+    if len(table[0]) < RAYS and np.bincount(group[near]).max(initial=0) >= 4:
+        rays, points, pixel, group = rays[near], points[near], pixel[near], group[near]
     for one in np.unique(group):
         own = group == one
         if own.sum() < 4:

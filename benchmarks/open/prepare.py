@@ -1,8 +1,8 @@
 """One table of corners for all tools: ``prepare.py CAMERA JOB``, run by cubicfish's Python.
 
 CAMERA holds ``target.yaml`` and a table (``corners.csv``, or ``reference_corners.csv`` of another
-detector), or ``images``, or a film, and perhaps ``source.json``. A published table comes before
-what cubicfish finds.
+detector, or Deltille's ``corners/*.orpc``), or ``images``, or a film, and perhaps ``source.json``
+and ``LICENSE``. A published table comes before what cubicfish finds.
 """
 
 import json
@@ -38,6 +38,29 @@ def photos_of(camera, target, folder):
     return {file.name: str(file) for file in found}
 
 
+def first_lines(licence):
+    """What it is called and whose it is, in most licences; "none stated" if there is none."""
+    text = licence.read_text("utf-8", "replace") if licence.exists() else "none stated"
+    lines = text.splitlines()
+    return " ".join([line.strip(" #") for line in lines if line.strip(" #")][:2])
+
+
+def deltille(tables, photos, boards, grids):
+    """What read_table gives, of a file a photo: board (board<number>, if there are several),
+    number along the rows, 1, x, y."""
+    found = {}
+    for file in tables:
+        points, pixels = [], []
+        for board, number, _, x, y in np.loadtxt(file, delimiter=",", skiprows=5, ndmin=2):
+            name = f"board{board:.0f}" if len(boards) > 1 else boards[0]
+            if name in boards:
+                points.append(grids[boards.index(name)].flat[int(number)])
+                pixels.append((x, y))
+        found[photos[file.stem]] = np.array(points, int), np.reshape(pixels, (-1, 2))
+    head = file.read_text(encoding="utf-8").split()
+    return [int(head[3]), int(head[5])], found
+
+
 def main():
     """Write target.yaml, table.csv, job.npz and about.json into the job's folder."""
     camera, folder = map(Path, sys.argv[1:])
@@ -54,14 +77,19 @@ def main():
             local[own, axis] = np.linalg.norm(world[first] - world[grid[0, 0]], axis=1)
     files = photos_of(camera, target, folder)
     known = [file for n in ("", "reference_") if (file := camera / f"{n}corners.csv").exists()]
-    table = known[0] if known else folder / "table.csv"
-    if not known:
-        table.unlink(missing_ok=True)
-        save_corners(table, detect(list(files.values()), target).corners)
-    size, found = read_table(table, [one["name"] for one in boards], grids)
+    names, by = [one["name"] for one in boards], known[0].name if known else "cubicfish detect"
+    if orpc := sorted(camera.glob("corners/*.orpc")):
+        photos, by = {Path(name).stem: name for name in files}, "Deltille"
+        size, found = deltille(orpc, photos, names, grids)
+    else:
+        table = known[0] if known else folder / "table.csv"
+        if not known:
+            save_corners(table, detect(list(files.values()), target).corners, overwrite=True)
+        size, found = read_table(table, names, grids)
     kept = [n for n in sorted(found, key=in_order) if len(found[n][0]) >= LEAST]
     source = camera / "source.json"
     source = json.loads(source.read_text(encoding="utf-8")) if source.exists() else {}
+    source["licence"] = first_lines(camera / "LICENSE")
     points, pixels = zip(*(found[name] for name in kept), strict=True)
     np.savez(
         folder / "job.npz", world=world, local=local, board=board, column=column, row=row,
@@ -72,7 +100,7 @@ def main():
         test=[name in source.get("test", []) for name in kept],
     )  # fmt: skip
     about = {
-        "corners_by": known[0].name if known else "cubicfish detect", "photos": len(kept),
+        "corners_by": by, "photos": len(kept),
         "corners": sum(map(len, points)), "size": size, "files": len(files) or len(found), **source,
     }  # fmt: skip
     (folder / "about.json").write_text(json.dumps(about, indent=1), encoding="utf-8")

@@ -6,6 +6,7 @@ done is not done again, so a run that was stopped goes on where it was.
 
 import argparse
 import ast
+import contextlib
 import fnmatch
 import hashlib
 import json
@@ -32,10 +33,8 @@ def constants(adapter):
     found = {}
     for node in ast.parse(adapter.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-            try:
+            with contextlib.suppress(ValueError):
                 found[node.targets[0].id] = ast.literal_eval(node.value)
-            except ValueError:
-                continue
     return found
 
 
@@ -52,12 +51,10 @@ def python_of(adapter, about, work):
     if not (folder / "done").exists():
         shutil.rmtree(folder, ignore_errors=True)
         if uv := shutil.which("uv"):
-            make = [[uv, "venv", "-q", "--python", "3.11", str(folder)]]
-            make.append([uv, "pip", "install", "-q", "--python", str(python), *packages])
+            make, add = [uv, "venv", "-p", "3.11"], [uv, "pip", "install", "-p", python]
         else:
-            make = [[sys.executable, "-m", "venv", str(folder)]]
-            make.append([str(python), "-m", "pip", "install", "-q", *packages])
-        for command in make:
+            make, add = [sys.executable, "-m", "venv"], [python, "-m", "pip", "install"]
+        for command in ([*make, folder], [*add, *packages]):
             told = subprocess.run(command, capture_output=True, text=True)
             if told.returncode:
                 return "", "not installed: " + " ".join(told.stderr.split())[-200:]
@@ -73,18 +70,17 @@ def digest(*parts):
 
 def cameras_in(folders):
     """Folders with a target and photos, a film or a table, by name."""
-    found = {}
-    targets = [
-        target
-        for folder in folders
-        for depth in ("*", "*/*")
-        for target in sorted(folder.glob(f"{depth}/target.yaml"))
+    depths = [
+        found for one in folders for depth in ("*", "*/*") for found in sorted(one.glob(depth))
     ]
-    for here in [target.parent for target in targets if "cases" not in target.parts]:
-        things = [here / "images", here / "corners.csv", *here.glob("film.*")]
-        if any(one.exists() for one in things):
-            found[here.name] = here
-    return found
+    things = ("images", "corners.csv", "film.*")
+    return {
+        here.name: here
+        for here in depths
+        if (here / "target.yaml").exists()
+        and any(any(here.glob(one)) for one in things)
+        and "cases" not in here.parts
+    }
 
 
 def call(python, script, *arguments):
@@ -94,14 +90,12 @@ def call(python, script, *arguments):
     return told.returncode, told.stderr + told.stdout
 
 
-def tried(python, problem, adapter, tool, job, folder, limit):
+def tried(python, problem, limit, adapter, tool, job, folder):
     """All pieces of one tool on one camera, past every crash."""
     alone = folder / "full.json"
     if problem:
         alone.write_text(json.dumps({"problem": problem}))
         return
-    if alone.exists() and "not installed" in alone.read_text():
-        alone.unlink()
     for _ in range(40):  # a crash ends one piece
         status, said = call(python, "trial.py", adapter, tool, job, folder, limit)
         (folder / "said.txt").write_text(said[-20000:], encoding="utf-8")
@@ -126,15 +120,13 @@ def options():
     """The command line."""
     parser = argparse.ArgumentParser(description="The open benchmark of calibration tools.")
     add = parser.add_argument
-    add(
-        "--data", type=Path, nargs="+", metavar="DIR", help="cameras' folders; none is fetched then"
-    )
+    add("--data", type=Path, nargs="+", metavar="DIR", help="folders of cameras; none is fetched")
     add("--snapshots", type=Path, metavar="DIR", help="clones or bare repositories, owner+name")
     add("--cameras", nargs="+", metavar="NAME", help="only these; * fits all")
     add("--tools", nargs="+", metavar="NAME", help="only these; * fits all")
     add("--work", type=Path, default=Path("open-benchmark"), metavar="DIR", help="where all goes")
     add("--jobs", type=int, default=1, metavar="N", help="tools at a time [1]")
-    add("--limit", type=int, default=600, metavar="S", help="processor time for a piece [600]")
+    add("--limit", type=int, default=200, metavar="S", help="processor time for a piece [200]")
     add("--list", action="store_true", help="name cameras and tools, and end")
     return parser.parse_args()
 
@@ -152,18 +144,27 @@ def prepared(names, found, work, python, missing):
         yield name
 
 
-def task_of(name, tool, adapter, about, work, limit):
-    """Arguments of ``tried``; what other code or corners left is removed."""
+def version_of(about):
+    """What is measured: what the adapter's command says, or the package of PyPI."""
+    if "VERSION" not in about:
+        return about["PACKAGES"][0]
+    said = subprocess.run(about["VERSION"], cwd=ROOT, capture_output=True, text=True)
+    return " ".join(said.stdout.split())
+
+
+def task_of(name, tool, adapter, about, work, problem):
+    """The last arguments of ``tried``; what other code or corners left is removed."""
     job = work / "jobs" / name / "job.npz"
     folder = work / "results" / name / tool.replace(" ", "_").replace(",", "")
     own = [HERE / f"{script}.py" for script in ("job", "trial", "measure")]
-    stamp = digest(job, adapter, *own, str(about))
+    stamp = digest(job, adapter, *own, str(about), problem)
     if folder.exists() and (folder / "stamp").read_text() != stamp:
         shutil.rmtree(folder)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "stamp").write_text(stamp)
-    (folder / "about.json").write_text(json.dumps({"tool": tool, **about}))
-    return adapter, tool, job, folder, limit
+    about = {"tool": tool, "version": version_of(about), **about}
+    (folder / "about.json").write_text(json.dumps(about))
+    return adapter, tool, job, folder
 
 
 def main():
@@ -181,27 +182,25 @@ def main():
     found = cameras_in(given.data or [work / "cameras"])
     names, wanted = chosen(found, given.cameras), chosen(tools, given.tools)
     ours = HERE / "tools" / "cubicfish.py"
-    pythons = {file: python_of(file, adapters[file], work) for file in map(tools.get, wanted)}
-    python, problem = python_of(ours, adapters[ours], work)
+    pythons = {
+        file: python_of(file, adapters[file], work) for file in {ours, *map(tools.get, wanted)}
+    }
+    python, problem = pythons[ours]
     if problem:
         sys.exit(f"cubicfish finds the corners and writes the report, and is {problem}")
-    tasks = [
-        (
-            *pythons[tools[tool]],
-            *task_of(name, tool, tools[tool], adapters[tools[tool]], work, given.limit),
-        )
-        for name in prepared(names, found, work, python, missing)
-        for tool in wanted
-    ]
+    tasks = []
+    for name in prepared(names, found, work, python, missing):
+        for file, tool in [(tools[tool], tool) for tool in wanted]:
+            task = task_of(name, tool, file, adapters[file], work, pythons[file][1])
+            tasks.append((*pythons[file], given.limit, *task))
     with ThreadPoolExecutor(given.jobs) as pool:
         try:
             for task, _ in zip(tasks, pool.map(lambda one: tried(*one), tasks), strict=True):
-                print(f"{task[4].parent.name}: {task[3]}", flush=True)
+                print(f"{task[-1].parent.name}: {task[4]}", flush=True)
         except KeyboardInterrupt:
             pool.shutdown(cancel_futures=True)
             sys.exit("stopped; the same command goes on from here")
-    (work / "missing.json").write_text(json.dumps(missing))
-    status, said = call(python, "report.py", work, json.dumps([names, wanted]))
+    status, said = call(python, "report.py", work, json.dumps([names, wanted, missing]))
     print(said.strip())
     sys.exit(status)
 

@@ -4,8 +4,8 @@ Each piece of work leaves FOLDER/<piece>.npz, and what is there is not done agai
 the process (a crash, more than LIMIT seconds of processor time) leaves FOLDER/<piece>.begun.
 """
 
-import ast
 import importlib.util
+import inspect
 import json
 import os
 import resource
@@ -18,9 +18,7 @@ import numpy as np
 from job import PLAUSIBLE, Job
 from measure import apart, evaluated
 
-FOLDS = 5
 RECALL_PX = 2.0  # a detector's corner this near to one of the table is that corner
-CELLS = (16, 12)  # of the photo, of which each gives one ray to the halves
 
 
 class Trial:
@@ -30,13 +28,11 @@ class Trial:
         spec = importlib.util.spec_from_file_location("adapter", adapter)
         self.tool = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(self.tool)
-        self.adapter, self.variant, self.job, self.folder = adapter, variant, Job(job), folder
-        test, number = self.job.data["test"], np.arange(len(self.job.photos))
-        self.fold = np.where(test, 0, -1) if test.any() else number % min(FOLDS, len(number))
+        self.variant, self.job, self.folder = variant, Job(job), folder
 
     def pieces(self):
         """All names, in the order in which they are done."""
-        folds = [f"fold{k}" for k in np.unique(self.fold[self.fold >= 0])]
+        folds = [f"fold{k}" for k in np.unique(self.job.fold[self.job.fold >= 0])]
         fits = ["full", *folds, "halves"] if hasattr(self.tool, "fit") else []
         own = hasattr(self.tool, "detect") and any(self.job.data["files"])
         return fits + (["detect"] + [f"own_{fold}" for fold in folds if fits]) * own
@@ -47,11 +43,7 @@ class Trial:
             return self.held_out(int(piece[4:]), self.job.photos)
         if not piece.startswith("own_fold"):
             return getattr(self, piece)()
-        own, table = known(self.folder, "detect"), self.job.data
-        if np.array_equal(own["point"], table["point"]) and np.allclose(
-            own["pixel"], table["pixel"]
-        ):
-            return known(self.folder, piece[4:])  # the table is its own
+        own = known(self.folder, "detect")
         photos = [(*one[:2], *self.job.part(k, own)) for k, one in enumerate(self.job.photos)]
         return self.held_out(int(piece[8:]), photos, extra=False)
 
@@ -83,12 +75,11 @@ class Trial:
         job = self.job
         model, lens, world, told = self.fitted(job)
         pixel, _, _, rays = evaluated(lens, world, job.judged())
-        cell = np.floor(np.concatenate([one[3] for one in job.photos]) / job.size * CELLS)
-        spread = np.unique(cell @ [1, CELLS[0]], return_index=True)[1]
         return {
-            "px": pixel, "rays": rays[spread], "seconds": told["seconds"],
+            "px": pixel, "rays": rays[job.spread()[0]], "seconds": told["seconds"],
             "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-            "lines": lines_of(self.adapter), "note": str(model.get("note", "")),
+            "lines": inspect.getsource(self.tool.fit).strip().count("\n") - 1,
+            "note": str(model.get("note", "")),
             "claims": json.dumps(model.get("claimed", {})), "lost": "; ".join(told["lost"]),
             "refined": model.get("world") is not None,
         }  # fmt: skip
@@ -98,10 +89,9 @@ class Trial:
 
         ``extra``: also with the board as drawn where the tool fits it too, and as exported.
         """
-        test = self.job.of(
-            [p for p, k in zip(self.job.photos, self.fold, strict=True) if k == fold]
-        )
-        train = self.job.of([p for p, k in zip(photos, self.fold, strict=True) if k != fold])
+        pairs = list(zip(self.job.photos, self.job.fold, strict=True))
+        test = self.job.of([photo for photo, held in pairs if held == fold])
+        train = self.job.of([p for p, k in zip(photos, self.job.fold, strict=True) if k != fold])
         model, lens, world, _ = self.fitted(train)
         found = {"photo": np.array([one[0] for one in test.photos for _ in one[2]])}
         found["px"], found["min"], found["angle"], _ = evaluated(lens, world, test.judged())
@@ -116,13 +106,19 @@ class Trial:
 
     def halves(self):
         """How far lenses of every other photo are apart, over the field."""
-        lenses = [self.fitted(self.job.of(self.job.photos[half::2]))[1] for half in (0, 1)]
+        lenses = []
+        for job in [self.job.of(self.job.photos[half::2]) for half in (0, 1)]:
+            _, lens, world, _ = self.fitted(job)
+            if np.median(evaluated(lens, world, job.judged())[0]) > PLAUSIBLE * job.size[0]:
+                # Two that give up at the same guess would agree.
+                raise ValueError("no lens that fits the half of the photos that it was fitted to")
+            lenses.append(lens)
         far = 1e4 * np.ptp(self.job.world, axis=0).max()
         return {"px": apart(*lenses, far * known(self.folder, "full")["rays"])}
 
     def detect(self):
         """What the tool's own detector finds of the table's corners, and its own table."""
-        image, points, pixels, recalled = [], [], [], []
+        found = {"image": [], "point": [], "pixel": [], "recalled": []}
         for number, (_, file, _, pixel) in enumerate(self.job.photos):
             try:
                 point, own = self.tool.detect(file, self.job)
@@ -131,21 +127,13 @@ class Trial:
             except Exception:  # of this photo; the others may do
                 traceback.print_exc()
                 point, own = [], []
-            pixels.append(np.reshape(np.asarray(own, float), (-1, 2)))
-            points.append(np.asarray(point, int))
-            image.append(np.full(len(point), number))
-            away = np.linalg.norm(pixel[:, None] - pixels[-1], axis=-1)
-            recalled.append((away <= RECALL_PX).any(axis=1))
-        names, parts = ("image", "point", "pixel", "recalled"), (image, points, pixels, recalled)
-        return {name: np.concatenate(part) for name, part in zip(names, parts, strict=True)}
-
-
-def lines_of(adapter):
-    """Lines of the body of ``fit``: what a user of the tool would write."""
-    for part in ast.parse(Path(adapter).read_text(encoding="utf-8")).body:
-        if isinstance(part, ast.FunctionDef) and part.name == "fit":
-            return part.end_lineno - part.body[0].end_lineno
-    return 0
+            own = np.reshape(np.asarray(own, float), (-1, 2))
+            away = np.linalg.norm(pixel[:, None] - own, axis=-1)
+            found["image"].append(np.full(len(point), number))
+            found["point"].append(np.asarray(point, int))
+            found["pixel"].append(own)
+            found["recalled"].append((away <= RECALL_PX).any(axis=1))
+        return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
 def spent():
@@ -167,23 +155,11 @@ def said(problem):
     return " ".join(f"{type(problem).__name__}: {problem}".split())[:200]
 
 
-def attempted(work):
-    """What work returns, or the problem that it ends with."""
-    try:
-        return work()
-    except Exception as problem:
-        traceback.print_exc()
-        return {"problem": said(problem)}
-
-
 def main():
     """Do what is not yet done."""
     adapter, variant, job, folder, limit = sys.argv[1:]
     folder = Path(folder)
-    trial = attempted(lambda: Trial(adapter, variant, job, folder))
-    if isinstance(trial, dict):
-        (folder / "full.json").write_text(json.dumps(trial), encoding="utf-8")
-        return
+    trial = Trial(adapter, variant, job, folder)
     for piece in trial.pieces():
         before = known(folder, "detect" if piece.startswith("own") else "full")
         if known(folder, piece) or ("problem" in before and piece != "detect"):
@@ -193,7 +169,12 @@ def main():
         # Only this piece: what was used so far, and as much again as is allowed.
         most = int(spent() + float(limit)) + 1
         resource.setrlimit(resource.RLIMIT_CPU, (most, resource.RLIM_INFINITY))
-        np.savez(folder / f"{piece}.part.npz", **attempted(partial(trial.run, piece)))
+        try:
+            found = trial.run(piece)
+        except Exception as problem:
+            traceback.print_exc()
+            found = {"problem": said(problem)}
+        np.savez(folder / f"{piece}.part.npz", **found)
         os.replace(folder / f"{piece}.part.npz", folder / f"{piece}.npz")
         begun.unlink()
 

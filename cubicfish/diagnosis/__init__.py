@@ -11,7 +11,7 @@ counts of corners `corner_count.py`, markers `markers.py`, wrong nominal targets
 (target.yaml) and doubted boards `wrong_nominal.py` and `object_faults.py`, two groups of photos
 with a lens each `two_lenses.py`, photos each by itself `photo_lenses.py`, what is another in every
 photo `anew.py`, photos that were mirrored, turned or reduced, unlike most, `saved_otherwise.py`,
-photos from one place `repeats.py`, and photos that were left out, or have to be, `left_out.py`.
+photos from one place `repeats.py`, and photos left out, or to be left out, `rejected_photos.py`.
 Kinds of evidence are in `evidence.py`, and those of a fit in `fit/calibration.py`. Every hypothesis
 is compared with what it would explain by chance: `tests/support/wrong_setups.py` has wrong set-ups
 and right ones.

@@ -13,11 +13,11 @@ import numpy as np
 from cubicfish.diagnosis import (
     anew,
     corner_count,
-    left_out,
     markers,
     mirrored,
     object_faults,
     photo_lenses,
+    rejected_photos,
     repeats,
     saved_otherwise,
     two_lenses,
@@ -124,7 +124,7 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     Hypothesis(FitEvidence, anew.changes_anew, _has_one_lens),
     Hypothesis(FitEvidence, photo_lenses.odd_photos, _has_odd_photos),
     Hypothesis(FitEvidence, wrong_nominal.find_wrong_nominal, _is_not_bad),
-    Hypothesis(FitEvidence, left_out.left_out, _is_named),
+    Hypothesis(FitEvidence, rejected_photos.left_out, _is_named),
     Hypothesis(FitEvidence, corner_count.squares_of_corners, _is_counted),
     Hypothesis(FitEvidence, repeats.repeats),
     Hypothesis(FitEvidence, saved_otherwise.reduced, _has_one_lens),
@@ -134,7 +134,7 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     Hypothesis(FailedFit, mirrored.mirrored_photos, lambda evidence, found: not found),
     Hypothesis(FailedFit, wrong_nominal.explain_failure, _is_unexplained),
     Hypothesis(FailedFit, mirrored.mirrored_object, _is_unexplained),
-    Hypothesis(FailedFit, left_out.failed_lens, _is_unexplained),
+    Hypothesis(FailedFit, rejected_photos.failed_lens, _is_unexplained),
 )
 
 

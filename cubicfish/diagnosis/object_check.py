@@ -10,8 +10,8 @@ from itertools import combinations
 from typing import Any, Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from cubicfish.solve.poses import vector_from_rotation
 from cubicfish.solve.subset import flatness
 from cubicfish.target.boards.board import Board
 from cubicfish.target.boards.section import AXES_TOLERANCE
@@ -130,7 +130,7 @@ def _find_turns(target: Target) -> tuple[Turn, ...]:
     names = target.board_names
     turns = []
     for symmetry in symmetries(target):
-        vector = Rotation.from_matrix(symmetry.rotation).as_rotvec()
+        vector = vector_from_rotation(symmetry.rotation[None])[0]
         angle = float(np.linalg.norm(vector))
         axis = np.where(np.abs(vector) < 1e-12 * angle, 0.0, vector / angle)
         if angle > np.pi - 1e-6:

@@ -69,6 +69,8 @@ _FAR = 0.02
 _LARGEST_RATIO = 2000.0
 # The best ratio of squares is within this factor of a rough one.
 _NEAR_RATIO = 2.0
+_EXACTLY = 1e-8  # as a share of it
+_GOLDEN = (5**0.5 - 1) / 2
 _MIXED_UNITS = {25.4: "inches_mm", 10.0: "cm_mm", 1000.0: "m_mm", 2.54: "inches_cm"}
 # By whether all boards are meant, and whether units are mixed up.
 _SQUARE_CASES = {
@@ -254,7 +256,6 @@ def _fit_ratio(
     seen: _Measured, boards: Sequence[int], start: float
 ) -> tuple[float, dict[int, FloatArray]]:
     """The best ratio of squares, near a rough one, and the places of the corners with it."""
-    from scipy.optimize import minimize_scalar  # slow to load, and seldom needed
 
     def resize(ratio: float) -> dict[int, FloatArray]:
         origin = {index: seen.boards[index].origin for index in boards}
@@ -263,9 +264,18 @@ def _fit_ratio(
     def miss(ratio: float) -> float:
         return seen.difference({**seen.nominal, **resize(ratio)})
 
-    exactly = {"xatol": 1e-9 * start}
-    near = (start / _NEAR_RATIO, start * _NEAR_RATIO)
-    ratio = float(minimize_scalar(miss, bounds=near, method="bounded", options=exactly).x)
+    # Golden section: the minimum lies between the ends, and both inner points are known.
+    low, high = start / _NEAR_RATIO, start * _NEAR_RATIO
+    inner = [high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)]
+    missed = [miss(one) for one in inner]
+    while high - low > _EXACTLY * start:
+        if missed[0] < missed[1]:
+            high, new = inner[1], inner[1] - _GOLDEN * (inner[1] - low)
+            inner, missed = [new, inner[0]], [miss(new), missed[0]]
+        else:
+            low, new = inner[0], inner[0] + _GOLDEN * (high - inner[0])
+            inner, missed = [inner[1], new], [missed[1], miss(new)]
+    ratio = (low + high) / 2
     return ratio, resize(ratio)
 
 

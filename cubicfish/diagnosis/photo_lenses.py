@@ -17,6 +17,7 @@ from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.uncertainty import of_size
 from cubicfish.solve.adjustment import adjust, huber_weight
+from cubicfish.solve.chances import beyond_f
 from cubicfish.solve.deformable_target import DeformableTarget
 from cubicfish.solve.fit_lens import FitLens, FixedLens
 from cubicfish.solve.poses import Poses, cross_matrix
@@ -333,8 +334,6 @@ def unlike(photos: PhotoLenses) -> list[Unlike]:
 
     There is one result for each of ``photos.photos``; none where they are too few.
     """
-    from scipy.special import fdtrc  # slow to load
-
     count = len(photos.photos)
     if count < FEWEST_COMPARED:
         return []
@@ -350,7 +349,7 @@ def unlike(photos: PhotoLenses) -> list[Unlike]:
     # The noise, 1, is known from all corners; the excess over it comes from the better half of the
     # photos (Satterthwaite 1946).
     numbers = size * count / 2 * (spread / max(spread - 1, 1e-6)) ** 2
-    chance = fdtrc(size, np.clip(photos.numbers, 1, numbers), distance / spread) * count
+    chance = beyond_f(size, np.clip(photos.numbers, 1, numbers), distance / spread) * count
     gained = distance * size * noise
     return [
         Unlike(

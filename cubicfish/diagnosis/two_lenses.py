@@ -27,6 +27,7 @@ from cubicfish.fit.radial_reference import refit_radial
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
 from cubicfish.judge.uncertainty import CERTAIN_PX, UncertaintyGrid
+from cubicfish.solve.chances import beyond_f, normal_quantile
 from cubicfish.solve.deformable_target import DeformableTarget
 from cubicfish.solve.statistics import rms_px
 from cubicfish.target.observations import Observations
@@ -300,8 +301,6 @@ def best_split(photos: PhotoLenses) -> TwoLenses | None:
         The split; None where there are too few photos.
 
     """
-    from scipy.special import fdtrc  # slow to load
-
     count = len(photos.photos)
     if count < FEWEST_COMPARED:
         return None
@@ -318,7 +317,7 @@ def best_split(photos: PhotoLenses) -> TwoLenses | None:
         second = ~second if 2 * second.sum() > count else second
     return TwoLenses(
         second=second,
-        chance=float(fdtrc(3, 3 * (count - 2), ratio)) * trials,
+        chance=float(beyond_f(3, 3 * (count - 2), ratio)) * trials,
         own=np.stack([mean_of(own[part], weight[part]) for part in (~second, second)]),
         share=between / (_sum_scatter(own, weight) + float(photos.squares.sum()) + 1e-300),
         along=_explain_along(own, weight, second),
@@ -327,8 +326,6 @@ def best_split(photos: PhotoLenses) -> TwoLenses | None:
 
 def _explain_along(own: FloatArray, weight: FloatArray, second: BoolArray) -> float:
     """The share that groups explain on the way between their lenses, less that of one thing."""
-    from scipy.special import ndtri  # slow to load
-
     means = [mean_of(own[group], weight[group]) for group in (~second, second)]
     way = means[1] - means[0]
     # How far along each photo is, by its information on that.
@@ -340,7 +337,7 @@ def _explain_along(own: FloatArray, weight: FloatArray, second: BoolArray) -> fl
     in_all = known_of_way @ np.square(place - np.average(place, weights=known_of_way))
     # The share that a cut explains of a normal distribution, with this share beyond it.
     share = float(np.mean(second))
-    of_one_thing = np.exp(-(ndtri(share) ** 2)) / (2 * np.pi * share * (1 - share))
+    of_one_thing = np.exp(-(normal_quantile(share) ** 2)) / (2 * np.pi * share * (1 - share))
     return float(1 - within / in_all - of_one_thing - 1 / np.sqrt(len(own)))
 
 

@@ -46,7 +46,7 @@ from cubicfish.models.pupil import from_pupil
 from cubicfish.models.radial import RadialCamera
 from cubicfish.models.sphere import cone_rays
 from cubicfish.solve.deformable_target import TARGET_MODELS, departures
-from cubicfish.solve.fit_lens import nearest_lens
+from cubicfish.solve.fit_lens import lens_beside
 from cubicfish.solve.statistics import error_statistics, photo_records, rms_px, within_noise
 from cubicfish.solve.subset import flatness, middle, with_mean_weight_one, world_scale
 from cubicfish.target.observations import Observations
@@ -335,6 +335,6 @@ def _find_far_radial(lens: CubicFit, reference: RadialReference) -> RadialCamera
         return reference.camera
     rays = cone_rays(reference.covered, _RAYS)
     fixed = terms_beyond(reference.terms)
-    found = nearest_lens([reference.camera], rays, lens.far(rays), fixed=fixed)
+    found = lens_beside(reference.camera, rays, lens.far(rays), fixed=fixed)
     sees = min(reference.covered, reference.camera.max_angle)
     return found if found.max_angle >= sees else reference.camera

@@ -89,13 +89,13 @@ def repeated_groups(
         share: the share of the longer side by which the target may lie elsewhere.
 
     """
-    from scipy.spatial import KDTree  # slow to load
-
     count = len(poses)
     seen = _project_target(poses, pairs.world, focal)
     tolerance = share * max(pairs.image_size) * np.sqrt(seen.shape[1] / 3)
     group = np.full(count, -1, np.intp)
-    tree = KDTree(seen)
+    # Those that are near are near along the first axis too.
+    order = np.argsort(seen[:, 0])
+    along = seen[order, 0]
     unsure = np.unique(pairs.image[~pairs.certain])
     outlines = np.empty((count, 8, 2))  # the outermost corners of each photo, pixels
     for photo in range(count if len(unsure) else 0):
@@ -103,7 +103,9 @@ def repeated_groups(
     for photo in range(count):
         if group[photo] >= 0:
             continue
-        near = np.array(tree.query_ball_point(seen[photo], tolerance), np.intp)
+        ends = np.searchsorted(along, seen[photo, 0] + tolerance * np.array([-1, 1]))
+        near = order[slice(*ends)]
+        near = near[np.linalg.norm(seen[near] - seen[photo], axis=1) <= tolerance]
         if len(unsure):
             apart = np.median(np.linalg.norm(outlines - outlines[photo], axis=2), axis=1)
             by_place = np.flatnonzero(apart < share * max(pairs.image_size))

@@ -15,6 +15,7 @@ from cubicfish.fit.lenses import CubicFit
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.radial import RadialCamera
 from cubicfish.solve.adjustment import WARM_DAMPING, Adjustment, State, adjust
+from cubicfish.solve.chances import student
 from cubicfish.solve.fit_lens import FixedLens
 from cubicfish.solve.leave_one_out import LeaveOneOut
 from cubicfish.solve.poses import Poses
@@ -96,14 +97,12 @@ class HeldOut:
 
         It is Student's t of the photos' ratios: photos are drawn at random, their corners are not.
         """
-        from scipy.special import stdtr  # slow to load
-
         photos = np.log(self.beside(other).photos_px / other.beside(self).photos_px)
         photos = photos[np.isfinite(photos)]
         if len(photos) < _FEWEST_TO_COMPARE:
             return 0.5
         error = max(np.std(photos, ddof=1) / np.sqrt(len(photos)), _LEAST_SPREAD)
-        return float(stdtr(len(photos) - 1, float(np.log(self.times(other))) / error))
+        return student(len(photos) - 1, float(np.log(self.times(other))) / error)
 
 
 def held_out_error(
@@ -214,6 +213,7 @@ def pose_only_residual(
     fit = adjust(
         lens, poses[photos], own, _WIDE_PX, relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING
     )
-    # Once more, with a loss that follows the residuals of the first fit.
-    fit = fit.again(relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING)
+    # Once more, with a loss that follows the residuals of the first fit, if it differs for any.
+    if np.square(fit.residual).sum(axis=1).max() > min(wide_px(fit.errors), _WIDE_PX) ** 2:
+        fit = fit.again(relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING)
     return poses.with_photos(photos, fit.poses), fit.residual, index

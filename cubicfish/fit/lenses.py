@@ -18,8 +18,11 @@ from cubicfish.types import BoolArray, FloatArray
 _NEAREST_ROUNDS = 2
 # Least squared share of a parameter's effect that no other parameter has.
 _DISTINCT = 1e-13
-# The columns on which an image of distant points depends, and that of 1.
-_FAR = np.delete(np.arange(49), 47)
+# A cubic's parameters: the rows of C, the third as far as it moves, and the pupil's travel; before
+# the travel stand those on which an image of distant points depends.
+_FIRST, _SECOND, _THIRD, _TRAVEL = slice(0, 16), slice(16, 32), slice(32, 47), 47
+# The columns of these, and that of 1, which follows the travel's.
+_FAR = np.array([*range(_TRAVEL), _TRAVEL + 1])
 WEIGHT_BEYOND = 0.1
 """Largest weight of pseudo-observations where no corners are."""
 
@@ -176,9 +179,9 @@ class CubicFit(FitLens):
     def with_parameters(self, parameters: FloatArray) -> CubicFit:
         """The same lens with other parameters."""
         third = self.coefficients[2]
-        moved = parameters[32:47] - self.denominator_basis.T @ third
-        rows = parameters[:16], parameters[16:32], third + self.denominator_basis @ moved
-        return replace(self, coefficients=np.stack(rows), pupil_travel=float(parameters[47]))
+        moved = parameters[_THIRD] - self.denominator_basis.T @ third
+        rows = parameters[_FIRST], parameters[_SECOND], third + self.denominator_basis @ moved
+        return replace(self, coefficients=np.stack(rows), pupil_travel=float(parameters[_TRAVEL]))
 
     def with_pixels_of(self, other: CubicFit, rays: FloatArray) -> CubicFit:
         """The P of another, pixels and scale normalised as here: the mean of P3Φ over rays is 1.
@@ -200,7 +203,7 @@ class CubicFit(FitLens):
         moved, by_point, by_travel = from_pupil_and_slopes(points, self.pupil_travel)
         pixel, d_point, d_parameters = self.far_jacobian(moved)
         by_depth = d_point[:, :, 2:]
-        d_parameters[:, :, 47:] = by_depth * by_travel[:, None, None]
+        d_parameters[:, :, _TRAVEL:] = by_depth * by_travel[:, None, None]
         return pixel, d_point + by_depth * by_point[:, None, :], d_parameters
 
     def far_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -217,7 +220,7 @@ class CubicFit(FitLens):
         return (
             pixel * self.scale + self.centre,
             _convert_slope(slope, rays.T, length).transpose(2, 0, 1),
-            self._differentiate(values, pixel, denominator, 48),
+            self._differentiate(values, pixel, denominator, _TRAVEL + 1),
         )
 
     def project(self, points: FloatArray) -> FloatArray:
@@ -255,8 +258,8 @@ class CubicFit(FitLens):
 
         """
         prior, pull = self.tie, np.array([1, self.pupil_travel]) * self.travel_weight
-        grams = np.zeros((len(weights), 49, 49))
-        grams[:, 47:, 47:] = np.outer(pull, pull)
+        grams = np.zeros((len(weights), _TRAVEL + 2, _TRAVEL + 2))
+        grams[:, _TRAVEL:, _TRAVEL:] = np.outer(pull, pull)
         if prior is None:
             return grams
         near = prior.near
@@ -266,9 +269,9 @@ class CubicFit(FitLens):
             return np.full_like(grams, np.inf)
         decentred, (seen, by_lens) = prior.nearest(pixel)
         # Derivatives by P's parameters, those by the lens's, and the miss.
-        rows = np.empty((len(inside), 2, 47 + by_lens.shape[2] + 1))
-        rows[:, :, :47] = self._differentiate(near.values, inside, denominator)
-        np.negative(by_lens, out=rows[:, :, 47:-1])
+        rows = np.empty((len(inside), 2, _TRAVEL + by_lens.shape[2] + 1))
+        rows[:, :, :_TRAVEL] = self._differentiate(near.values, inside, denominator)
+        np.negative(by_lens, out=rows[:, :, _TRAVEL:-1])
         rows[:, :, -1] = pixel - near.miss - seen
         among, before, after = (
             part.T @ part for part in (rows[own].reshape(-1, rows.shape[2]) for own in near.parts)
@@ -276,14 +279,14 @@ class CubicFit(FitLens):
         beyond = before + after
         squares = np.square([weights, np.minimum(weights, WEIGHT_BEYOND)])[:, :, None, None]
         whole = squares[0] * among + squares[1] * beyond
-        whole[:, 47:, 47:] += decentred.pulls()
-        kept = np.r_[:47, rows.shape[2] - 1]
-        cross = whole[:, 47:-1, kept]
-        followed = _follow(whole[:, 47:-1, 47:-1], cross)
+        whole[:, _TRAVEL:, _TRAVEL:] += decentred.pulls()
+        kept = np.r_[:_TRAVEL, rows.shape[2] - 1]
+        cross = whole[:, _TRAVEL:-1, kept]
+        followed = _follow(whole[:, _TRAVEL:-1, _TRAVEL:-1], cross)
         left = whole[:, kept[:, None], kept] - cross.transpose(0, 2, 1) @ followed
-        by_values = np.zeros((17, 48))
-        by_values[:16, 32:47], by_values[:16, 47] = self.denominator_basis, self.coefficients[2]
-        by_values[16, 47] = 1
+        by_values = np.zeros((len(self.coefficients[2]) + 1, _TRAVEL + 1))
+        by_values[:-1, _THIRD], by_values[:-1, -1] = self.denominator_basis, self.coefficients[2]
+        by_values[-1, -1] = 1
         grams[:, _FAR[:, None], _FAR] += left + by_values.T @ prior.denominators @ by_values
         return grams
 
@@ -296,14 +299,14 @@ class CubicFit(FitLens):
         return np.where(denominator[:, None] > 0, pixel, np.inf), denominator
 
     def _differentiate(
-        self, values: FloatArray, pixel: FloatArray, denominator: FloatArray, count: int = 47
+        self, values: FloatArray, pixel: FloatArray, denominator: FloatArray, count: int = _TRAVEL
     ) -> FloatArray:
         """(N, 2, 47) d pixel / d parameters; ``pixel`` is of order 1."""
         share = values * (self.scale / denominator[:, None])
         slope = np.zeros((len(values), 2, count))
-        slope[:, 0, :16] = slope[:, 1, 16:32] = share
+        slope[:, 0, _FIRST] = slope[:, 1, _SECOND] = share
         by_denominator = share @ self.denominator_basis
-        np.multiply(-pixel[:, :, None], by_denominator[:, None, :], out=slope[:, :, 32:47])
+        np.multiply(-pixel[:, :, None], by_denominator[:, None, :], out=slope[:, :, _THIRD])
         return slope
 
     @property

@@ -17,8 +17,8 @@ from cubicfish.models.cubic import pole_or_fold_deg
 from cubicfish.models.lift import lift, sphere_basis
 from cubicfish.models.radial import RadialCamera
 from cubicfish.models.sphere import cone_rays
-from cubicfish.solve.adjustment import COLD_DAMPING
-from cubicfish.solve.normal_equations import damped, gram, solve_scaled
+from cubicfish.solve.descent import descended
+from cubicfish.solve.normal_equations import gram, solve_scaled
 from cubicfish.types import FloatArray
 
 ROUNDS = 10
@@ -44,7 +44,6 @@ SAFER_PULLS = (1e-2, 1.0, 100.0)
 # guess there, and a profile with many coefficients makes of it what no cubic can follow.
 _SHARES_BEYOND = (1e-3, 1e-2, 1e-1, 1.0)
 _MOST = 100  # evaluations
-_HOPELESS = 1e8  # a damping that leaves no step
 # The same for the cubic near which P3Φ is only expected and from which a fit goes on: Gauss-Newton
 # steps, at most, and the share of its squared miss to which one must lower it to be worth another.
 _DECENTRED_ROUNDS, _WORTH_ANOTHER = 8, 0.5
@@ -296,17 +295,4 @@ def refined_cubic(
         square[32:, 32:] += gram(stiff @ lens.denominator_basis, drift)
         return square
 
-    lens, square, damping = start, square_of(start), COLD_DAMPING
-    for _ in range(_MOST):
-        step = solve_scaled(damped(square[:-1, :-1], damping), square[:-1, -1:])[:, 0]
-        moved = lens.with_parameters(lens.parameters - np.append(step, 0.0))
-        before, new = float(square[-1, -1]), square_of(moved)
-        if new[-1, -1] < before:
-            lens, square, damping = moved, new, damping / 10
-            if new[-1, -1] > (1 - _STEADY) * before:
-                break
-        else:
-            damping *= 10
-            if damping > _HOPELESS:
-                break
-    return lens
+    return descended(start, square_of, _STEADY, _MOST)[0]

@@ -78,10 +78,8 @@ def _choose_likeliest(
         # The names of photos change the equations little: take those of all photos alike.
         metric += own / len(namings)
     each, square = np.stack(pulls, axis=1), np.stack(squares, axis=1)
-    from scipy.linalg import solve_triangular  # slow to load
-
     flat = each.reshape(-1, len(metric)).T
-    unit = solve_triangular(np.linalg.cholesky(metric), flat, lower=True).T.reshape(each.shape)
+    unit = np.linalg.solve(np.linalg.cholesky(metric), flat).T.reshape(each.shape)
     choice = _choose_together(unit, square, 0)
     # A motion of all photos alike changes nothing: most photos keep the names that they have.
     kept = np.flatnonzero(choice == np.bincount(choice).argmax())[0]
@@ -123,9 +121,10 @@ def _measure_pulls(
     square -= np.sum(moved * normal.pose_shared[:, :, -1], axis=1)
     flat = pulls.reshape(len(square), -1) - np.einsum("mij,mi->mj", across, moved)
     taken = across.reshape(-1, flat.shape[1]).T @ (step @ across).reshape(-1, flat.shape[1])
-    from scipy.linalg import block_diag  # slow to load
-
-    return flat, square, block_diag(*normal.corner) - taken
+    own = np.arange(len(taken)).reshape(-1, 3)
+    left = -taken
+    left[own[:, :, None], own[:, None, :]] += normal.corner
+    return flat, square, left
 
 
 def _choose_together(pulls: FloatArray, square: FloatArray, kept: int) -> IntArray:

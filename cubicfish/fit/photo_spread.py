@@ -23,8 +23,9 @@ from cubicfish.fit.decentred import DecentredFit
 from cubicfish.fit.folds import dealt_out
 from cubicfish.fit.lenses import CubicFit
 from cubicfish.fit.nearest_cubic import MARGIN_DEG
-from cubicfish.fit.uncertainty import Uncertainty, camera_uncertainty
+from cubicfish.fit.uncertainty import FarSlopes, Uncertainty, camera_uncertainty
 from cubicfish.models.sphere import cone_rays
+from cubicfish.solve.chances import normal_quantile, student_quantile
 from cubicfish.solve.leave_one_out import LeaveOneOut
 from cubicfish.target.observations import Observations
 from cubicfish.types import FloatArray, IntArray
@@ -64,11 +65,12 @@ class PhotoSpread:
 
     def sigma_px(self, rays: FloatArray) -> FloatArray:
         """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
-        left_out, influence, runner_up = self._measure_changes(rays)
+        slopes = FarSlopes.of(self.noise.gauge.lens, rays)
+        left_out, influence, runner_up = self._measure_changes(slopes)
         of_photos = self._estimate_variance(left_out, influence).reshape(-1, 2).sum(axis=1)
         of_prior = np.square(runner_up).sum(axis=1).reshape(-1, 2).sum(axis=1)
         of_guess = np.square(self._compare_guesses(rays)).sum(axis=1)
-        of_noise = np.square(self.noise.sigma_px(rays))
+        of_noise = np.square(self.noise.sigma_px(slopes))
         return np.sqrt(np.maximum(of_noise, of_photos) + of_prior + of_guess)
 
     def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
@@ -105,7 +107,9 @@ class PhotoSpread:
         )
         return variance_of_few(np.sum(once * none, axis=1), clusters)
 
-    def _measure_changes(self, rays: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _measure_changes(
+        self, rays: FloatArray | FarSlopes
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """How the pixels of rays move (2N, steps), without the common turn.
 
         They move by each step of ``left_out``, of ``influence`` and of ``runner_up``.
@@ -125,9 +129,7 @@ def variance_of_few(variance: FloatArray, clusters: int) -> FloatArray:
     It is enlarged so that errors exceed the bound that nine in ten should stay within, 1.645 times
     its root, as often as they would with the true one: by Student's t.
     """
-    from scipy.special import ndtri, stdtrit  # slow to load
-
-    larger = (stdtrit(clusters - 1, _WITHIN) / ndtri(_WITHIN)) ** 2
+    larger = (student_quantile(clusters - 1, _WITHIN) / normal_quantile(_WITHIN)) ** 2
     return variance * larger
 
 

@@ -36,6 +36,28 @@ _FEW_RAYS = 11  # a radial lens and its turn have so many unknowns
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class FarSlopes:
+    """Derivatives of the pixels of N distant points, computed once for all that asks for them.
+
+    Attributes:
+        by_turn: (2N, 3) by the camera's turn.
+        by_lens: (2N, K) by the lens's parameters.
+
+    """
+
+    by_turn: FloatArray
+    by_lens: FloatArray
+
+    @classmethod
+    def of(cls, lens: CubicFit | FreeLens[RadialCamera], points: FloatArray) -> FarSlopes:
+        """Differentiate a lens at points (N, 3) in its frame."""
+        far = lens.far_jacobian if isinstance(lens, CubicFit) else lens.pixel_and_slopes
+        _, by_point, by_lens = far(points)
+        turned = (-by_point @ cross_matrix(points)).reshape(-1, 3)
+        return cls(by_turn=turned, by_lens=by_lens.reshape(len(turned), -1))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Gauge:
     """A lens, and the turn that it shares with poses, which is taken out.
 
@@ -59,8 +81,9 @@ class Gauge:
         cls, lens: CubicFit | FreeLens[RadialCamera], points: FloatArray, times: float = 1.0
     ) -> Gauge:
         """Take the turn out over corners (N, 3), camera frame; each counts ``times`` times."""
-        turned, by_lens = _differentiate_far(lens, points)
-        return cls(lens=lens, by_turn=times * turned.T @ turned, by_both=times * turned.T @ by_lens)
+        slopes = FarSlopes.of(lens, points)
+        turned = times * slopes.by_turn.T
+        return cls(lens=lens, by_turn=turned @ slopes.by_turn, by_both=turned @ slopes.by_lens)
 
     def __add__(self, other: Gauge) -> Gauge:
         """Take the turn out over the corners of both."""
@@ -68,25 +91,15 @@ class Gauge:
             self, by_turn=self.by_turn + other.by_turn, by_both=self.by_both + other.by_both
         )
 
-    def by_lens(self, rays: FloatArray) -> FloatArray:
+    def by_lens(self, rays: FloatArray | FarSlopes) -> FloatArray:
         """(2N, K) derivatives of distant points' pixels (N, 3) by the lens, without the turn."""
-        turned, by_lens = _differentiate_far(self.lens, rays)
-        return np.asarray(by_lens - turned @ self.turn)
+        slopes = rays if isinstance(rays, FarSlopes) else FarSlopes.of(self.lens, rays)
+        return np.asarray(slopes.by_lens - slopes.by_turn @ self.turn)
 
     @cached_property
     def turn(self) -> FloatArray:
         """(3, K) derivatives of the turn by the lens's parameters."""
         return np.asarray(np.linalg.lstsq(self.by_turn, self.by_both, rcond=None)[0])
-
-
-def _differentiate_far(
-    lens: CubicFit | FreeLens[RadialCamera], points: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of distant points' pixels, by the camera's turn (2N, 3) and by lens (2N, K)."""
-    far = lens.far_jacobian if isinstance(lens, CubicFit) else lens.pixel_and_slopes
-    _, by_point, by_lens = far(points)
-    turned = (-by_point @ cross_matrix(points)).reshape(-1, 3)
-    return turned, by_lens.reshape(len(turned), -1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,7 +117,7 @@ class Uncertainty:
     lens: FloatArray
     noise_px: float
 
-    def sigma_px(self, rays: FloatArray) -> FloatArray:
+    def sigma_px(self, rays: FloatArray | FarSlopes) -> FloatArray:
         """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
         by_lens = self.gauge.by_lens(rays)
         variance = np.sum((by_lens @ self.lens) * by_lens, axis=1).reshape(-1, 2).sum(axis=1)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -211,28 +211,21 @@ def copy_plain(made_by: Mapping[str, Any]) -> dict[str, Any]:
         ) from problem
 
 
-def load_camera(path: Path | str) -> CameraFile:
-    """Read camera.yaml of a central camera (the ``ray`` lift).
+@overload
+def load_camera(path: Path | str) -> CameraFile: ...
+@overload
+def load_camera(path: Path | str, *, any_lift: Literal[True]) -> CameraFile | PointCameraFile: ...
+def load_camera(path: Path | str, *, any_lift: bool = False) -> CameraFile | PointCameraFile:
+    """Read camera.yaml: the camera is ``.camera``; what its fit said, in pixels, is ``.fit``.
 
-    The camera is ``.camera``; what its fit said, in pixels, is ``.fit``.
-
-    Raises:
-        CameraFileError: the file is missing, malformed, of a version that is not known, or of
-            the ``point`` lift; one line that names the file and the key.
-
-    """
-    loaded = load_any_camera(path)
-    if isinstance(loaded, PointCameraFile):
-        refuse_point(Path(path))
-    return loaded
-
-
-def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
-    """Read camera.yaml of either lift, the paper's literal ``point`` too, as ``project`` does.
+    Args:
+        path: the file, or its folder.
+        any_lift: whether the file may be of the paper's literal ``point`` lift too, whose camera
+            takes world points and has no rays, as ``cubicfish project`` reads it.
 
     Raises:
         CameraFileError: the file is missing, malformed, or of a version or a lift that is not
-            known; one line that names the file and the key.
+            known or wanted; one line that names the file and the key.
 
     """
     path = Path(path)
@@ -241,6 +234,8 @@ def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
     camera = _make_point_camera(file) if file.data["lift"] == "point" else make_ray_camera(file)
     fit, made_by = FitRecord.of(file.inner("fit").data), file.inner("made_by").data
     if not isinstance(camera, CubicCamera):
+        if not any_lift:
+            refuse_point(path)
         return PointCameraFile(camera=camera, fit=fit, made_by=made_by)
     _refuse_negative(file, fit.uncertainty)
     return CameraFile(camera=camera, fit=fit, made_by=made_by)

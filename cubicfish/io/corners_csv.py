@@ -25,13 +25,15 @@ _SIZE = "([0-9]{1,6})[xX×]([0-9]{1,6})"
 
 
 def load_corners(
-    path: Path | str, target: Target, *, image_size: tuple[int, int] | None = None
+    path: Path | str, target: Target | None = None, *, image_size: tuple[int, int] | None = None
 ) -> Observations:
     """Read ``corners.csv``: pixels (N, 2), names and world points of corners, sorted by photo.
 
+    Without a target it is ``correspondences.csv``: points and pixels that need none.
+
     Args:
         path: the file; its first line is ``# cubicfish corners 2, image_size WxH``, or with a 1
-            where there is no column ``certain``.
+            where there is no column ``certain``, or ``# cubicfish correspondences 1, ...``.
         target: the calibration target that the boards, columns and rows are of.
         image_size: (width, height), for files without that first line.
 
@@ -40,6 +42,8 @@ def load_corners(
             the file and the line.
 
     """
+    if target is None:
+        return load_correspondences(Path(path), image_size=image_size)
     table = Table.read(
         Path(path),
         required=CORNER_COLUMNS,
@@ -101,18 +105,7 @@ def corners_text(corners: Observations) -> str:
 
 
 def load_correspondences(path: Path, *, image_size: tuple[int, int] | None = None) -> Observations:
-    """Read ``correspondences.csv``: points and pixels that need no target, sorted by photo.
-
-    Args:
-        path: the file; a first line ``# cubicfish correspondences 1, image_size WxH`` may
-            give the size.
-        image_size: (width, height), for files without that first line.
-
-    Raises:
-        CorrespondenceError: the file is malformed, or its image size is not known; the text
-            names the file and the line.
-
-    """
+    """Read ``correspondences.csv``; see :func:`load_corners`."""
     table = Table.read(path, required=PAIR_COLUMNS, optional=("weight",), error=CorrespondenceError)
     size = _find_image_size(table, "correspondences", image_size)
     images, image = table.codes("image")

@@ -36,7 +36,7 @@ from cubicfish.find.identification.second_pass import (
 )
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
-from cubicfish.listener import Event, Listener
+from cubicfish.listener import Event
 from cubicfish.observe.first_square import begins_otherwise, boards_begun_otherwise
 from cubicfish.observe.photo_detection import (
     GridCache,
@@ -57,12 +57,12 @@ Image = npt.NDArray[Any]
 
 
 def detect(
-    photos: StrPath | Mapping[str, Image] | Iterable[Image] | Iterable[StrPath],
-    target: Target,
+    photos: StrPath | Mapping[str, Image] | Iterable[Image] | Iterable[StrPath] | Sequence[Photo],
+    target: Target | Sequence[Target],
+    run: Run = Run(jobs=1),
     *,
-    jobs: int | None = 1,
-    cache: StrPath | None = None,
-    listener: Listener = Listener(),
+    again: bool = True,
+    step: str = "Finding corners",
 ) -> Detection:
     """Find the corners of ``target`` in photos and name them, as ``cubicfish detect`` does.
 
@@ -71,61 +71,38 @@ def detect(
 
     Args:
         photos: arrays (H, W) or (H, W, 1 to 4), uint8 or uint16, colours in BGR order, by name or
-            in a list (then named ``photo_0`` and so on); or files, folders and globs. Pictures
-            must be as the sensor made them: :func:`read_picture` does not turn them, as cv2.imread
-            may.
-        target: the calibration target.
-        jobs: processes to use; None for one per processor. With more than one, a script must
+            in a list (then named ``photo_0`` and so on); or files, folders and globs; or photos in
+            files and in memory. Pictures must be as the sensor made them: :func:`read_picture` does
+            not turn them, as cv2.imread may.
+        target: the calibration target; of several, with the same boards but for their colours, the
+            one that explains most, which is ``corners.target`` of the result. Without any, grids of
+            squares are found, all of one size, which the reports on photos have: their corners have
+            no names.
+        run: how the work is done, by default in this process. With more of them, a script must
             start its work below ``if __name__ == "__main__":``.
-        cache: a folder in which what is found in files is kept; by default nothing is.
-        listener: who is told how far it is.
+        again: whether a second pass follows, and the listener is told of both.
+        step: what progress is called.
 
     Returns:
         Corners with pixels (N, 2) and their target, and what became of each photo.
 
     Raises:
+        ClusterError: the executor cannot do the work.
         DetectionError: an array is no picture, or no corner could be named in any photo; the
             text says what to check.
         PhotoError: there is no such file, or it is no photo.
 
     """
-    kept = None if cache is None else Path(cache)
-    run = Run(jobs=jobs, cache=kept, listener=listener)
-    return find_corners(_make_photos(photos), [target], run)
-
-
-def find_corners(
-    photos: Sequence[Photo],
-    targets: Sequence[Target],
-    run: Run,
-    *,
-    again: bool = True,
-    step: str = "Finding corners",
-) -> Detection:
-    """Find corners as :func:`detect` does; of several targets those of the one that explains most.
-
-    Args:
-        photos: the photos, in memory or in files.
-        targets: with the same boards but for their colours; ``corners.target`` of the result says
-            which it is. Without any, grids of squares are found, all of one size, which the reports
-            on photos have: their corners have no names.
-        run: how the work is done.
-        again: whether a second pass follows, and the listener is told of both.
-        step: what progress is called.
-
-    Raises:
-        ClusterError: the executor cannot do the work.
-        DetectionError: no corner could be named in any photo; the text says what to check.
-
-    """
+    photos = _make_photos(photos)
+    targets = [target] if isinstance(target, Target) else [*target]
     if not again:
         return first_pass(photos, targets, run.work(step), run.cache)
     run.listener.tell(Event.LOOKING, photos=len(photos))
     detection = first_pass(photos, targets, run.work(step), run.cache)
-    target = detection.corners.target
-    if target is not None:
+    best = detection.corners.target
+    if best is not None:
         work = run.work("Looking again")
-        detection = second_pass(photos, detection, predicted_corners(detection, target), work)
+        detection = second_pass(photos, detection, predicted_corners(detection, best), work)
     added = sum(photo.added for photo in detection.photos)
     if added:
         run.listener.tell(Event.LOOKED_AGAIN, corners=added)
@@ -190,7 +167,7 @@ def first_pass(
 
     Args:
         photos: the photos.
-        targets: as for :func:`find_corners`.
+        targets: as for :func:`detect`.
         work: who searches the photos.
         cache: a folder in which what is found in files is kept; None searches them all.
 
@@ -247,14 +224,17 @@ def _begun_as_seen(
 
 
 def _make_photos(
-    photos: StrPath | Mapping[str, Image] | Iterable[Image] | Iterable[StrPath],
+    photos: StrPath | Mapping[str, Image] | Iterable[Image] | Iterable[StrPath] | Sequence[Photo],
 ) -> list[Photo]:
     if isinstance(photos, str | os.PathLike):
         return find_photos([photos])
+    given: list[Any]
     if isinstance(photos, Mapping):
         names, given = list(photos), list(photos.values())
     else:
         given = list(photos)
+        if given and all(isinstance(one, Photo) for one in given):
+            return given
         if given and all(isinstance(one, str | os.PathLike) for one in given):
             return find_photos(given)
         names = [f"photo_{index}" for index in range(len(given))]

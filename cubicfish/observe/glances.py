@@ -51,6 +51,7 @@ class Glances:
     is_film: bool = False
     _seen: dict[int, QuickDetection | None] = field(default_factory=dict)
     _again: set[int] = field(default_factory=set)
+    _looked_for: Target | None = None
 
     def look(self, numbers: Sequence[int], targets: Sequence[Target], work: Work) -> Detection:
         """Look at some pictures, and name what they show.
@@ -97,10 +98,16 @@ class Glances:
         return any(map(_is_any, self._seen.values()))
 
     def _look_at(self, numbers: Sequence[int], target: Target | None, work: Work) -> None:
+        same = target is self._looked_for
         looks = [
-            _Look(photo=self.photos[one], near=self._seen_next_to(one) if self.is_film else None)
+            _Look(
+                photo=self.photos[one],
+                near=self._seen_next_to(one) if self.is_film else None,
+                before=self._seen.get(one) if same and not self.shows(one) else None,
+            )
             for one in numbers
         ]
+        self._looked_for = target
         found = work.done(partial(_quick_detect, target=target), looks)
         self._seen.update(zip(numbers, found, strict=True))
 
@@ -166,11 +173,13 @@ class _Look:
     Attributes:
         photo: where it is.
         near: what the pictures of a film before and after it show; None for a photo.
+        before: what it showed at the last look for the same, which is no board; None at the first.
 
     """
 
     photo: Photo
     near: tuple[QuickDetection, ...] | None
+    before: QuickDetection | None = None
 
     @property
     def name(self) -> str:
@@ -184,4 +193,4 @@ def _quick_detect(one: _Look, *, target: Target | None) -> QuickDetection | None
         return None
     if one.near is None:
         return quick_detect(grey, target)
-    return quick_detect_near(grey, target, one.near)
+    return quick_detect_near(grey, target, one.near, one.before)

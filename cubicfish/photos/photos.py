@@ -97,6 +97,15 @@ class Photo:
         """The same photo, by a path that holds in any current folder."""
         return replace(self, path=Path(os.path.abspath(self.path)))
 
+    def read(self) -> Picture:
+        """What it shows, as :func:`read_picture` gives it.
+
+        Raises:
+            PhotoError: as :func:`read_picture`.
+
+        """
+        return read_picture(self.path) if self.picture is None else self.picture
+
     def read_grey(self) -> Picture:
         """Its brightness (H, W), uint8 or uint16.
 

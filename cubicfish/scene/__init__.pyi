@@ -3,9 +3,5 @@
 from cubicfish.scene.faces import board_face as board_face
 from cubicfish.scene.photos import Look as Look
 from cubicfish.scene.scene import Scene as Scene
-from cubicfish.scene.truth import load_poses as load_poses
-from cubicfish.scene.truth import pose_table_text as pose_table_text
 from cubicfish.scene.views import Distances as Distances
 from cubicfish.scene.views import Viewpoint as Viewpoint
-
-__all__: list[str]

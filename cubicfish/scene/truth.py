@@ -1,19 +1,17 @@
 """Exact pixels of a target's corners through a lens, and which of them are visible.
 
 The target's boards are plates: rays find which one is in front, and where they hit it. Poses are
-``camera_from_world``, a rotation vector and a translation; they are read from and written to CSV.
+``camera_from_world``, a rotation vector and a translation.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish.errors import CorrespondenceError
 from cubicfish.files.tables import Table
 from cubicfish.scene.faces import Face, board_face
 from cubicfish.target.target import Target
@@ -21,8 +19,6 @@ from cubicfish.types import FloatArray
 
 Pose = tuple[FloatArray, FloatArray]
 """camera_from_world: rotation vector (3,) in radians, translation (3,) in the target's units."""
-POSE_COLUMNS = ("image", "rx", "ry", "rz", "tx", "ty", "tz")
-_MOST = 1e9
 
 
 def rotation_matrix(rotation: npt.ArrayLike) -> FloatArray:
@@ -40,38 +36,6 @@ def pose_of_matrix(matrix: FloatArray, eye: FloatArray) -> Pose:
     """Return the pose of a camera at ``eye`` (3,) with a rotation (3, 3) from world to camera."""
     rotation = np.asarray(cv2.Rodrigues(matrix)[0], float).ravel()
     return rotation, -matrix @ eye
-
-
-def pose_table_text(poses: Mapping[str, Pose]) -> str:
-    """Write poses by photo as CSV text; numbers read back exactly.
-
-    ``rx, ry, rz`` are the rotation vector in radians and ``tx, ty, tz`` the translation, in the
-    target's units.
-    """
-    rows = [
-        (name, *np.asarray(rotation, float).tolist(), *np.asarray(translation, float).tolist())
-        for name, (rotation, translation) in poses.items()
-    ]
-    return "# cubicfish poses 1, camera_from_world\n" + Table.text([POSE_COLUMNS, *rows])
-
-
-def load_poses(path: Path) -> dict[str, Pose]:
-    """Read poses by photo, in the file's order.
-
-    Raises:
-        CorrespondenceError: the file cannot be read, is no such table, or names a photo twice;
-            the text names the file and the line.
-
-    """
-    table = Table.read(path, required=POSE_COLUMNS, optional=(), error=CorrespondenceError)
-    names, code = table.codes("image")
-    numbers = np.stack([table.floats(column) for column in POSE_COLUMNS[1:]], axis=-1)
-    for row, values in enumerate(numbers):
-        if (code[:row] == code[row]).any():
-            table.refuse(row, f"{names[code[row]]} is there twice: give each photo one pose")
-        if np.abs(values).max() > _MOST:
-            table.refuse(row, f"the pose must lie within ±{_MOST:g}")
-    return {names[code[row]]: (values[:3], values[3:]) for row, values in enumerate(numbers)}
 
 
 MARGIN_SQUARES = 0.4

@@ -17,6 +17,7 @@ import numpy as np
 
 from cubicfish.errors import FitError
 from cubicfish.solve.deformable_target import DeformableTarget
+from cubicfish.solve.descent import COLD_DAMPING
 from cubicfish.solve.fit_lens import FitLens
 from cubicfish.solve.normal_equations import Linearised, NormalEquations
 from cubicfish.solve.poses import Poses, cross
@@ -39,8 +40,6 @@ _OVERSHOT, _SHORTEST = 0.7, 0.25
 _LAST = 1e-2
 # Least damping of poses that went astray.
 _FIRM = 1.0
-COLD_DAMPING = 1e-4
-"""First damping for a start that may be far from the optimum."""
 WARM_DAMPING = 1e-13
 """First damping for a start at the optimum of nearly the same pairs."""
 

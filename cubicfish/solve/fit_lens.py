@@ -14,6 +14,8 @@ import numpy as np
 from cubicfish.errors import FitError
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.lens import Lens
+from cubicfish.solve.descent import descended
+from cubicfish.solve.normal_equations import gram
 from cubicfish.types import FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ L = TypeVar("L", bound=Lens)
 
 # Error of a ray that a lens does not see: its cost rejects a step to such a lens.
 _BLIND_PX = 1e4
-_MOST_STEPS = 200
+_MOST_STEPS, _STEADY = 200, 1e-10
 
 
 class FitLens:
@@ -180,6 +182,21 @@ def nearest_lens(
     if not np.isfinite(found.parameters).all():
         raise FitError("no lens of this model is near the camera: choose another format")
     return found
+
+
+def lens_beside(start: L, rays: FloatArray, pixel: FloatArray, *, fixed: Collection[str] = ()) -> L:
+    """The lens nearest to pixels, from one that is near already and sees nearly the same.
+
+    The arguments are those of :func:`nearest_lens`, which goes farther, and takes long to load.
+    """
+
+    def square_of(lens: FreeLens[L]) -> FloatArray:
+        miss = (lens.project(rays) - pixel).reshape(-1)
+        slope = lens.pixel_and_slopes(rays)[2].reshape(len(miss), -1)
+        return gram(np.nan_to_num(slope), np.where(np.isfinite(miss), miss, _BLIND_PX))
+
+    with np.errstate(all="ignore"):
+        return descended(FreeLens.of(start, fixed), square_of, _STEADY, _MOST_STEPS)[0].lens
 
 
 def _fit_least_squares(start: FreeLens[L], rays: FloatArray, pixel: FloatArray) -> tuple[float, L]:

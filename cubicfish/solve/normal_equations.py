@@ -364,17 +364,16 @@ def damped(matrix: FloatArray, damping: float | FloatArray) -> FloatArray:
 
 def summed_by(index: IntArray, count: int, left: FloatArray, right: FloatArray) -> FloatArray:
     """(count, a, C) sums of leftᵀ right, (n, 2, a) and (n, 2, C), over the pairs of an index."""
-    from scipy.sparse import csr_array  # slow to load
-
-    size = left.shape[2]
-    places = np.repeat(size * index, 2)[:, None] + np.arange(size)
-    # A sparse matrix, whose product sums as it multiplies.
-    sparse = csr_array(
-        (left.ravel(), places.ravel(), np.arange(0, places.size + 1, size)),
-        shape=(len(places), size * count),
-    )
-    summed = sparse.T @ right.reshape(len(places), -1)
-    return np.asarray(summed).reshape(count, size, -1)
+    order, often = np.argsort(index, kind="stable"), np.bincount(index, minlength=count)
+    first = np.cumsum(often) - often
+    summed = np.zeros((count, left.shape[2], right.shape[2]))
+    # Those that come equally often are summed by one product.
+    for times in np.unique(often[often > 0]).tolist():
+        alike = np.flatnonzero(often == times)
+        own = order[first[alike, None] + np.arange(times)]
+        lefts, rights = (part[own].reshape(len(alike), 2 * times, -1) for part in (left, right))
+        summed[alike] = lefts.transpose(0, 2, 1) @ rights
+    return summed
 
 
 def gram(slope: FloatArray, residual: FloatArray) -> FloatArray:

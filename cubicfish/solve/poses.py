@@ -110,9 +110,7 @@ class Poses(Brief):
     @property
     def rotation_vector(self) -> FloatArray:
         """(M, 3) rotation vectors, radians."""
-        from scipy.spatial.transform import Rotation  # slow to load, and not for each command
-
-        return Rotation.from_matrix(self.rotation).as_rotvec()
+        return vector_from_rotation(self.rotation)
 
 
 def rotation_from_vector(vector: npt.ArrayLike) -> FloatArray:
@@ -124,6 +122,26 @@ def rotation_from_vector(vector: npt.ArrayLike) -> FloatArray:
     cross = cross_matrix(vector)
     # Rodrigues: 1 + sin a / a [v]x + (1 - cos a) / a^2 [v]x [v]x
     return np.eye(3) + np.sinc(turns) * cross + 0.5 * np.sinc(0.5 * turns) ** 2 * (cross @ cross)
+
+
+def vector_from_rotation(rotation: FloatArray) -> FloatArray:
+    """Rotation matrices (M, 3, 3) -> rotation vectors (M, 3), radians, no longer than π."""
+    # Four times the products of a unit quaternion's numbers (w, x, y, z): any of its rows is a
+    # multiple of it, and the one with the largest diagonal the most exact (Shepperd 1978).
+    products = np.empty((len(rotation), 4, 4))
+    trace = np.trace(rotation, axis1=1, axis2=2)
+    turned = rotation.transpose(0, 2, 1)
+    products[:, 1:, 1:] = rotation + turned + (1 - trace)[:, None, None] * np.eye(3)
+    products[:, 0, 0] = 1 + trace
+    odd = (rotation - turned)[:, [2, 0, 1], [1, 2, 0]]
+    products[:, 0, 1:] = products[:, 1:, 0] = odd
+    largest = np.diagonal(products, axis1=1, axis2=2).argmax(axis=1)
+    quaternion = products[np.arange(len(rotation)), largest]
+    quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
+    quaternion *= np.where(quaternion[:, :1] < 0, -1.0, 1.0)
+    half = np.arctan2(np.linalg.norm(quaternion[:, 1:], axis=1), quaternion[:, 0])
+    # The vector part is the axis times sin(half).
+    return np.asarray(2 * quaternion[:, 1:] / np.sinc(half / np.pi)[:, None])
 
 
 def cross(first: FloatArray, second: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ of its photos on lens and target, and a photo that is not taken yet adds its own
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from cubicfish.fit.cubic_fit import fit_cubic
 from cubicfish.fit.prior import EXPECTED, Prior
 from cubicfish.fit.radial_reference import LOST_PX, radial_near
 from cubicfish.fit.uncertainty import (
+    FarSlopes,
     Gauge,
     Uncertainty,
     common_gauge,
@@ -165,9 +167,14 @@ class Knowledge:
         """The covariance σ² H⁻¹."""
         return covariance(self.gauge, self.hessian, self.noise_px)
 
-    def over(self, rays: FloatArray) -> FieldUncertainty:
+    def over(self, rays: FloatArray | FarSlopes) -> FieldUncertainty:
         """The uncertainty over unit rays (N, 3)."""
         return summed(self.uncertainty().sigma_px(rays))
+
+    def over_with(self, photos: Sequence[Knowledge], rays: FloatArray) -> list[FieldUncertainty]:
+        """The uncertainty over unit rays (N, 3) with each of some photos added."""
+        slopes = FarSlopes.of(self.gauge.lens, rays)
+        return [(self + photo).over(slopes) for photo in photos]
 
     def as_recorded(self, fit: FitRecord, rays: FloatArray) -> tuple[Knowledge, FieldUncertainty]:
         """The same, scaled to the uncertainty on record over rays (N, 3), and that uncertainty.

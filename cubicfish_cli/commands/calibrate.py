@@ -115,7 +115,6 @@ class CalibrateOptions:
     refine_target: RefineTarget | None = parameters.refine_target_option(
         "Fit the target too: the shapes and places of its boards (shape), or also the place of "
         "each corner (points). auto goes on as long as the held-out error falls. [default: auto]",
-        default=None,
     )
     hold_out: bool = option(
         "--hold-out/--no-hold-out",

@@ -117,8 +117,7 @@ def detect_files(options: DetectOptions, *, run: Run = Run()) -> DetectedFiles:
     """
     source, file = TargetSource.of(options.target), Path(options.table)
     source.check()
-    from cubicfish import save_corners
-    from cubicfish.observe import find_corners
+    from cubicfish import detect, save_corners
     from cubicfish_cli.render.drawings import drawings
     from cubicfish_cli.render.overlay import draw_found
     from cubicfish_cli.undistortion.images import write_picture
@@ -129,7 +128,7 @@ def detect_files(options: DetectOptions, *, run: Run = Run()) -> DetectedFiles:
     folder = path_or_none(options.draw)
     pictures = {} if folder is None else drawings(folder, found)
     plan.writes(*pictures.values(), within=folder)
-    detection = find_corners(found, source.load(run.listener, unplaced=True), run)
+    detection = detect(found, source.load(run.listener, unplaced=True), run)
     save_corners(file, detection.corners, overwrite=run.overwrite)
     if options.draw is None:
         return DetectedFiles(detection=detection, file=file)

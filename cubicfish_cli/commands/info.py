@@ -18,8 +18,7 @@ from cubicfish_cli.terminal.terminal import result
 from cubicfish_cli.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish import CameraFile
-    from cubicfish.io import PointCameraFile
+    from cubicfish.judge import CameraFacts
 
 
 @record
@@ -40,7 +39,7 @@ class CameraInfo:
     """
 
     model: Path
-    known: CameraFile | PointCameraFile
+    known: CameraFacts
 
     def as_record(self) -> dict[str, Any]:
         """Return plain data: what ``cubicfish info --json`` prints.
@@ -113,11 +112,11 @@ def info_files(options: InfoOptions, *, run: Run = Run()) -> CameraInfo:
         CameraFileError: the file cannot be used.
 
     """
-    from cubicfish import load_any_camera
+    from cubicfish import load_camera
 
     path = in_folder(Path(options.camera))
     refuse_picture(path)
-    return CameraInfo(model=path, known=load_any_camera(path))
+    return CameraInfo(model=path, known=load_camera(path, any_lift=True))
 
 
 @as_command(
@@ -146,7 +145,7 @@ def command(made: CameraInfo, given: InfoOptions, how: How) -> None:
         print_verdict(made.known.verdict)
 
 
-def _list_rows(known: CameraFile | PointCameraFile) -> list[tuple[str, str]]:
+def _list_rows(known: CameraFacts) -> list[tuple[str, str]]:
     """Return rows (name, words) of all known figures."""
     from cubicfish_cli.words.camera import lens_rows, pictures_of, reach_words
 

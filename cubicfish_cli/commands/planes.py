@@ -16,12 +16,12 @@ from cubicfish import (
     UsageError,
     ViewError,
     build_plane,
+    detect,
     evaluate,
-    load_any_camera,
+    load_camera,
 )
 from cubicfish.judge import FitRecord
 from cubicfish.models import PointCamera
-from cubicfish.observe import find_corners
 from cubicfish.photos import Photo
 from cubicfish.views import ChosenView, Interpolation
 from cubicfish_cli.inputs.target_source import target_in
@@ -51,7 +51,7 @@ class PlaneViews(Views):
             CameraFileError: the camera's cannot.
 
         """
-        loaded = load_any_camera(given) if isinstance(given, Path) else given
+        loaded = load_camera(given, any_lift=True) if isinstance(given, Path) else given
         fit = FitRecord() if isinstance(loaded, CubicCamera) else loaded.fit
         self._seen_by = loaded if isinstance(loaded, CubicCamera) else loaded.camera
         self._plane, self._target = options, target_in(options.target)
@@ -80,7 +80,7 @@ class PlaneViews(Views):
             return
         run.listener.tell(Event.WITHOUT_POSE, photos=len(missing))
         photos = [Photo(name=source.name, path=source) for source in missing]
-        found = find_corners(photos, [self._target], run, again=False)
+        found = detect(photos, [self._target], run, again=False)
         self._poses |= _read_poses(FitRecord(per_image=evaluate(camera, found.corners).photos))
 
     def chosen(self, source: Path, size: Size) -> ChosenView:

@@ -169,20 +169,19 @@ def project_points(options: ProjectOptions, *, run: Run = Run()) -> Points:
         CubicfishError: the camera or the points cannot be used.
 
     """
-    from cubicfish import load_any_camera
-    from cubicfish.io import PointCameraFile
+    from cubicfish import CameraFile, load_camera
 
-    loaded = load_any_camera(in_folder(Path(options.camera)))
-    if isinstance(loaded, PointCameraFile) and options.near:
+    loaded = load_camera(in_folder(Path(options.camera)), any_lift=True)
+    if options.near and not isinstance(loaded, CameraFile):
         raise UsageError(
             "--near is of cameras with rays: with lift 'point' points count where they are"
         )
     read = read_points(Path(options.points), ("X", "Y", "Z"))
-    if isinstance(loaded, PointCameraFile):
+    if isinstance(loaded, CameraFile):
+        pixel = loaded.camera.project(read.values, near=options.near)
+    else:
         loaded.camera.refuse_off_boards(read.values)
         pixel = loaded.camera.project(read.values)
-    else:
-        pixel = loaded.camera.project(read.values, near=options.near)
     return replace(read, values=pixel)
 
 

@@ -23,9 +23,10 @@ from cubicfish import (
     Observations,
     Run,
     Target,
+    detect,
 )
 from cubicfish.judge import Code, Severity
-from cubicfish.observe import Glances, find_corners
+from cubicfish.observe import Glances
 from cubicfish.photos import Photo
 from cubicfish.sufficiency import InformationGain
 from cubicfish_cli.films.choose import FEWEST, Choice, Patch, Seen, choose
@@ -229,7 +230,7 @@ class Search:
         """Return what full detection finds in some pictures."""
         photos = [self.glances.photos[at] for at in numbers]
         return Found.of(
-            find_corners(photos, self.targets or (), self.run, again=False, step="Finding boards")
+            detect(photos, self.targets or (), self.run, again=False, step="Finding boards")
         )
 
     def _search_quickly(self, numbers: Sequence[int], found: Found) -> Found:

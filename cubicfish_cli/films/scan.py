@@ -17,21 +17,24 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish import Event, Listener, PhotoError, read_picture, shown
+from cubicfish import Event, Listener, PhotoError, shown
 from cubicfish.files import write_files
+from cubicfish.photos import Photo
 from cubicfish_cli.films.measure import Grey, motion, sharpness, small_picture
 from cubicfish_cli.films.source import Film, frames, missing_frames, opened
 
 # One frame of so many is kept; where frames come more slowly than the film says, one of those
 # within so many times the time that they should take.
 _SLOWER = 1.5
-# Compressing a picture takes as long as searching it for boards. Frames that may yet be dropped are
-# not compressed, up to so many bytes: 90 of 12 megapixels have 3 GB, which not every disk has.
+# Compressing a picture takes as long as searching it for boards, and writing it half as long. So
+# frames that may yet be dropped are held in memory, up to so many bytes, and the next written
+# without compression, up to so many: 90 of 12 megapixels have 3 GB, which not every disk has.
+_MOST_HELD = 2**28
 _PLAIN, _MOST_PLAIN = ".bmp", 2**30
 # Compressing a picture well takes as long as decoding twenty.
 _FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
 if hasattr(cv2, "IMWRITE_PNG_FILTER"):  # OpenCV 4.12 and later
-    _FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
+    _FAST += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
 
 
 @dataclass(kw_only=True, eq=False)
@@ -45,7 +48,7 @@ class Measured:
         motion: to the nearer of both neighbours, pixels.
         step: from the frame before, pixels; 0 of the first.
         missing: how many more frames the film announces; 0 for a few, which is common.
-        kept: frames (by index) that were kept -> their pictures.
+        kept: frames (by index) that were kept -> their pictures, in memory or in files.
         turned_deg: the turn that the film asks of players.
         problem: one line if the film breaks off before its end.
 
@@ -57,7 +60,7 @@ class Measured:
     motion: array[float] = field(default_factory=lambda: array("f"))
     step: array[float] = field(default_factory=lambda: array("f"))
     missing: int = 0
-    kept: dict[int, Path] = field(default_factory=dict)
+    kept: dict[int, Photo] = field(default_factory=dict)
     turned_deg: int = 0
     problem: str | None = None
 
@@ -107,14 +110,11 @@ def scan(
     measured = Measured(film=film)
     with opened(film.path) as (container, stream):
         decoded = frames(film.path, container, stream)
-        plain = _MOST_PLAIN // (3 * film.size[0] * film.size[1])
         begin = int(stream.start_time or 0)
         every_frame = _measure_frames(measured, decoded, begin, stream.time_base, progress)
         for index, frame in _choose_best_of_stretches(measured, every_frame, every):
             if folder is not None:
-                suffix = _PLAIN if len(measured.kept) < plain else ".png"
-                measured.kept[index] = folder / f"{index}{suffix}"
-                write_frame(measured.kept[index], frame)
+                measured.kept[index] = _keep(frame, folder / str(index), len(measured.kept))
         if not len(measured):
             raise PhotoError(
                 f"{shown(film.path)} holds no frame that can be decoded: copy it again"
@@ -122,6 +122,16 @@ def scan(
         last = measured.time[-1] - measured.time[0]
         measured.missing = missing_frames(stream, len(measured), last)
     return measured
+
+
+def _keep(frame: Any, path: Path, before: int) -> Photo:
+    """Keep a frame in memory, or beside so many others in a file, whose suffix this adds."""
+    size = 3 * frame.width * frame.height
+    if (before + 1) * size <= _MOST_HELD:
+        return Photo(name=path.name, path=path, picture=_picture_of(frame))
+    path = path.with_suffix(_PLAIN if (before + 1) * size <= _MOST_HELD + _MOST_PLAIN else ".png")
+    write_frame(path, frame)
+    return Photo(name=path.name, path=path)
 
 
 def _measure_frames(
@@ -198,17 +208,20 @@ def write_frame(path: Path, frame: Any) -> None:
         OutputError: it cannot be written.
 
     """
+    write_files({path: _encode(_picture_of(frame), path.suffix)}, overwrite=True)
+
+
+def _picture_of(frame: Any) -> npt.NDArray[Any]:
     grey = frame.format.name.startswith("gray")
-    picture = frame.to_ndarray(format="gray" if grey else "bgr24")
-    write_files({path: _encode(picture, path.suffix)}, overwrite=True)
+    return np.asarray(frame.to_ndarray(format="gray" if grey else "bgr24"))
 
 
-def copy_as_png(kept: Path, path: Path) -> None:
+def copy_as_png(kept: Photo, path: Path) -> None:
     """Copy a frame that was kept, as a PNG."""
-    if kept.suffix == ".png":
-        shutil.copyfile(kept, path)
+    if kept.path.suffix == ".png":
+        shutil.copyfile(kept.path, path)
     else:
-        path.write_bytes(_encode(read_picture(kept), ".png"))
+        path.write_bytes(_encode(kept.read(), ".png"))
 
 
 def _encode(picture: npt.NDArray[Any], suffix: str) -> bytes:

@@ -17,19 +17,17 @@ import numpy.typing as npt
 
 from cubicfish import (
     Calibration,
-    CameraFile,
     CubicCamera,
     CubicfishError,
     FloatArray,
     Observations,
     Target,
-    load_any_camera,
+    load_camera,
     load_corners,
     quoted,
 )
 from cubicfish.files import Fingerprint
-from cubicfish.io import PointCameraFile, load_correspondences
-from cubicfish.judge import FitRecord, PhotoRecord
+from cubicfish.judge import CameraFacts, FitRecord, PhotoRecord
 from cubicfish.models import angle_from_axis
 from cubicfish.photos import find_photos
 from cubicfish.solve import Poses
@@ -41,9 +39,6 @@ from cubicfish_cli.words.sufficiency import summary
 
 if TYPE_CHECKING:
     from cubicfish.fit import PointCalibration
-
-    Loaded = CameraFile | PointCameraFile
-    Known = Calibration | PointCalibration | Loaded
     from cubicfish.models import PointCamera
 
 REFINED = ("shape", "points")
@@ -105,7 +100,7 @@ class Facts:
 
     """
 
-    known: Known
+    known: CameraFacts
     verdict_words: Mapping[str, str]
     dropped_pixels: tuple[tuple[str, FloatArray], ...]
     errors: ErrorFacts | None
@@ -145,7 +140,7 @@ class Facts:
 
 
 def gather(
-    known: Known,
+    known: CameraFacts,
     *,
     pairs: Observations | None,
     target: Target | None,
@@ -312,7 +307,7 @@ def facts_of_files(
         CubicfishError: a file that is there cannot be used.
 
     """
-    loaded = load_any_camera(camera_file)
+    loaded = load_camera(camera_file, any_lift=True)
     origin, folder = loaded.origin, camera_file.parent
     nominal = _find_target(target, folder, loaded)
     thing = None if nominal is None else target_in(nominal)
@@ -323,7 +318,7 @@ def facts_of_files(
     else:
         is_named = table == beside or origin.target is not None
         size = loaded.camera.image_size
-        pairs, lack = _load_pairs(table, thing if is_named else None, size), None
+        pairs, lack = load_corners(table, thing if is_named else None, image_size=size), None
     names = [photo.image for photo in loaded.fit.per_image]
     digests = {one.path: one.sha256 for one in origin.inputs}
     recorded = matched(names, [*digests])
@@ -339,7 +334,7 @@ def facts_of_files(
     )
 
 
-def _find_target(given: Path | None, folder: Path, loaded: Loaded) -> Path | None:
+def _find_target(given: Path | None, folder: Path, loaded: CameraFacts) -> Path | None:
     """The target as fitted: beside the camera where it was fitted too, else the nominal one."""
     if loaded.fit.refine_target in REFINED:
         return _find_beside(folder, _REFINED) or given
@@ -377,7 +372,9 @@ def facts_of_fit(
     return gather(fitted, pairs=pairs, target=target, files=files)
 
 
-def _find_table(beside: Path, folder: Path, loaded: Loaded, target: Target | None) -> Path | None:
+def _find_table(
+    beside: Path, folder: Path, loaded: CameraFacts, target: Target | None
+) -> Path | None:
     """The table of corners or points: beside the camera, else the one that it came from."""
     origin = loaded.origin
     if target is not None and beside.is_file():
@@ -387,13 +384,7 @@ def _find_table(beside: Path, folder: Path, loaded: Loaded, target: Target | Non
     return table if is_csv and (origin.target is None or target is not None) else None
 
 
-def _load_pairs(table: Path, target: Target | None, size: tuple[int, int]) -> Observations:
-    if target is None:
-        return load_correspondences(table, image_size=size)
-    return load_corners(table, target, image_size=size)
-
-
-def _explain_lack(folder: Path, loaded: Loaded, target: Target | None) -> str:
+def _explain_lack(folder: Path, loaded: CameraFacts, target: Target | None) -> str:
     """What is missing of the corners, or of what they are of."""
     origin, has_corners = loaded.origin, (folder / _CORNERS).is_file()
     if target is None and (has_corners or (origin.inputs and origin.target is not None)):

@@ -98,9 +98,9 @@ def draw_board(
         axes.add_collection(PolyCollection(list(whole), rasterized=pieces > 1, gid=gid, **look))
 
 
-def _bend_edges(polygons: FloatArray, steps: int = 3) -> FloatArray:
-    """(N, K, 2) -> (N, K steps, 2), with points between: edges are bent in the picture."""
-    share = np.arange(steps)[:, None] / steps
+def _bend_edges(polygons: FloatArray) -> FloatArray:
+    """(N, K, 2) -> (N, 3 K, 2), with points between: edges are bent in the picture."""
+    share = np.arange(3)[:, None] / 3
     start, end = polygons[:, :, None], np.roll(polygons, -1, 1)[:, :, None]
     return (start + share * (end - start)).reshape(len(polygons), -1, 2)
 

@@ -634,10 +634,9 @@ max_rms_option = option(
 )
 
 
-def refine_target_option(help: str, default: str | None = "auto") -> Any:
+def refine_target_option(help: str) -> Any:
     """``--refine-target``: how far the target is fitted too."""
-    levels = Choice(["off", "shape", "points", "auto"])
-    return option("--refine-target", help, levels, default)
+    return option("--refine-target", help, Choice(["off", "shape", "points", "auto"]))
 
 
 _MAX_SIDE = 100_000

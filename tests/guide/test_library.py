@@ -288,7 +288,7 @@ def test_photos_in_memory_give_the_corners_of_their_files(tmp_path: Path, target
     detection = detect(
         dict(zip([path.name for path in PHOTOS], colours, strict=True)),
         target,
-        listener=heard,
+        Run(jobs=1, listener=heard),
     )
     assert heard.events[0] == (Event.LOOKING, {"photos": 2})
     assert heard.of("Finding corners") == [(0, 0), (1, 2), (2, 2)]

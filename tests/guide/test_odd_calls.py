@@ -152,7 +152,6 @@ ARGUMENTS: dict[str, Callable[[Known], dict[str, Any]]] = {
     "evaluate_rig": lambda k: {"rig": k["rig"], "cameras": k["cameras"]},
     "export_camera": lambda k: {"calibrated": k["fitted"], "to": "mrcal"},
     "import_camera": lambda k: {"path": k["file"]},
-    "load_any_camera": lambda k: {"path": k["file"]},
     "load_camera": lambda k: {"path": k["file"]},
     "load_corners": lambda k: {"path": k["table"], "target": k["target"]},
     "load_rig": lambda k: {"given": k["rig_folder"]},

@@ -18,8 +18,8 @@ from cubicfish.scene.truth import (
     camera_points,
     project_corners,
 )
-from cubicfish.target import BOARD_TYPES, Board
-from cubicfish.target.boards.types import Checkerboard
+from cubicfish.target import Board
+from cubicfish.target.boards.types import BOARD_TYPES, Checkerboard
 
 IMAGE_SIZE = (960, 720)
 TRUE_LENS = AsymmetricLens(

@@ -17,6 +17,7 @@ from cubicfish_cli import (
     Evaluation,
     Listener,
     Observations,
+    Run,
     Target,
     UndistortMap,
     Verdict,
@@ -44,10 +45,10 @@ def fits(folder: Path, pictures: dict[str, npt.NDArray[np.uint8]]) -> Calibratio
     target = assert_type(Target.load(folder / "target.yaml"), Target)
     target = Target.from_data({"units": "mm", "boards": []})
     assert_type(target.corners()[3], Floats)
-    detection = assert_type(detect(pictures, target, jobs=None), Detection)
+    detection = assert_type(detect(pictures, target, Run(jobs=None)), Detection)
     detect("photos/", target)
     detect([folder / "a.png", folder / "b.png"], target)
-    detect([np.zeros((4, 4), np.uint8)], target, listener=Listener())
+    detect([np.zeros((4, 4), np.uint8)], target, Run(listener=Listener()))
     corners = assert_type(load_corners(folder / "corners.csv", target), Observations)
     points, pixel = [np.zeros((9, 3))], [np.zeros((9, 2), np.float32)]
     seen = Observations.from_corners(points, pixel, (4, 4), boards=["board"])

@@ -16,7 +16,7 @@ PACKAGES = ("cubicfish", *sorted(
     f"cubicfish.{path.parent.name}" for path in (ROOT / "cubicfish").glob("*/__init__.py")
 ))  # fmt: skip
 
-MOST_NAMES = 134  # at the end 120
+MOST_NAMES = 124
 MOST_INTERNAL = 0  # never more than this: lower it with every name that is no longer taken
 # Full name -> why it is taken all the same; at most ten.
 EXCEPTIONS: dict[str, str] = {

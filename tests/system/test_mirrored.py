@@ -14,8 +14,9 @@ from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
 from cubicfish import Target, TargetError
 from cubicfish.diagnosis.object_faults import find_wrong_layout
-from cubicfish.find import find_grids, find_marked_corners
+from cubicfish.find import find_grids
 from cubicfish.find.detection.grids import grid_in_mirror
+from cubicfish.find.detection.markers import find_marked_corners
 from cubicfish.find.identification.identified import Decided
 from cubicfish.find.identification.name_grids import name_grids
 from cubicfish.fit.radial_reference import fit_radial

@@ -4,7 +4,7 @@ import calib_targets as ct
 import cv2
 import numpy as np
 
-PACKAGES = ["calib-targets==0.15.5", "opencv-python-headless", "scipy"]
+PACKAGES = ["calib-targets==0.15.5", "opencv-python-headless==5.0.0.93", "scipy"]
 VARIANTS = {"calib-targets": 1}
 
 
@@ -19,9 +19,5 @@ def detect(file, job):
             rows=board["corners"][1] + 1, cols=board["corners"][0] + 1, cell_size=1.0,
             marker_size_rel=board["marker"] / board["square"], dictionary=board["dictionary"],
         )  # fmt: skip
-        try:
-            found = ct.detect_charuco(gray, params=ct.CharucoParams(board=spec))
-        except RuntimeError:  # none in this photo
-            found = None
-    corners = found.corners if found else []
-    return np.zeros(len(corners), int), [one.position for one in corners]
+        found = ct.detect_charuco(gray, params=ct.CharucoParams(board=spec))
+    return np.zeros(len(found.corners), int), [one.position for one in found.corners]

@@ -5,9 +5,10 @@ import cv2
 import numpy as np
 import pandas as pd
 from caliscope.core.calibrate_intrinsics import run_intrinsic_calibration
+from job import by_fisheye
 
 # Its fisheye asks OpenCV for names that version 5 has no more.
-PACKAGES = ["caliscope==0.11.8", "opencv-python<5"]
+PACKAGES = ["caliscope==0.11.8", "opencv-python==4.14.0.94"]
 VARIANTS = {"caliscope fisheye": 1}
 EXPORT = "its own K and D, without loss"
 
@@ -28,11 +29,7 @@ def fit(job, variant, start):
 
 
 def project(model, points):
-    lens, zero = model["lens"], np.zeros(3)
-    where = np.ascontiguousarray(points[:, None], float)
-    with np.errstate(all="ignore"):
-        seen = cv2.fisheye.projectPoints(where, zero, zero, lens.matrix, lens.distortions)[0]
-    return np.where(points[:, 2:] > 0, seen.reshape(-1, 2), np.nan)
+    return by_fisheye(model["lens"].matrix, model["lens"].distortions, points)
 
 
 def detect(file, job):

@@ -2,13 +2,12 @@
 
 import numpy as np
 from ds_msp.calib import calibrate
-from ds_msp.calib.board import CharucoBoard, CheckerboardBoard
-from ds_msp.detect.charuco import BoardSpec
+from ds_msp.calib.board import CheckerboardBoard
 from ds_msp.detect.checkerboard import CheckerboardSpec
 from ds_msp.models import DoubleSphereModel, KannalaBrandtModel
 from ds_msp.models.registry import seed_from_K
 
-PACKAGES = ["ds-msp==0.22.2"]
+PACKAGES = ["ds-msp==0.22.2", "opencv-python==5.0.0.93"]
 VARIANTS = {"ds-msp double sphere": 1, "ds-msp Kannala-Brandt": 1}
 EXPORT = "Kalibr's camchain of the same model, without loss"
 
@@ -30,19 +29,13 @@ def project(model, points):
 
 
 def detect(file, job):
-    """Its front ends of one board; a corner's point says its column and row."""
+    """Its finder of checkerboards; a corner's point says its column and row."""
     board, grid = job.one_board(), job.grid(0)
-    (columns, rows), square = board["corners"], float(board["square"])
-    if board["type"] == "checkerboard":
-        finder = CheckerboardBoard(CheckerboardSpec(columns, rows, square))
-    elif board["dictionary"] == "DICT_6X6_1000":
-        spec = BoardSpec(columns + 1, rows + 1, square, float(board["marker"]), square)
-        finder = CharucoBoard([spec], legacy=board.get("first_square") == "light")
-    else:
+    if board["type"] != "checkerboard":
         raise NotImplementedError("its ChArUco boards are of DICT_6X6_1000")
+    square = float(board["square"])
+    finder = CheckerboardBoard(CheckerboardSpec(*board["corners"], square))
     seen = finder.detect([file])
-    if not seen:
-        return grid.ravel()[:0], []
     here = np.asarray(seen[0].visibility, bool)
     place = np.rint(np.asarray(seen[0].points_3d)[here, :2] / square).astype(int)
     return grid[place[:, 1], place[:, 0]], np.asarray(seen[0].pixels)[here]

@@ -5,7 +5,7 @@ import lensboy
 import numpy as np
 
 # Its ChArUco finder expects arrays of the shapes that OpenCV 4 gives.
-PACKAGES = ["lensboy==4.0.3", "opencv-contrib-python<5", "scipy"]
+PACKAGES = ["lensboy==4.0.3", "opencv-contrib-python==4.14.0.94", "scipy"]
 VARIANTS = {"lensboy splined": 1, "lensboy OpenCV": 1}
 
 
@@ -43,6 +43,4 @@ def detect(file, job):
     charuco = cv2.aruco.CharucoBoard(squares, board["square"], board["marker"], words)
     charuco.setLegacyPattern(board.get("first_square") == "light")
     _, frames, _ = lensboy.extract_frames_from_charuco(charuco, [cv2.imread(file)])
-    if not frames:
-        return numbers[:0], []
     return numbers[frames[0].target_point_indices], frames[0].detected_points_in_image

@@ -7,6 +7,7 @@ import numpy as np
 
 PYTHON = "/usr/bin/python3"
 NEEDS = ("mrcal", "apt-get install python3-mrcal python3-scipy")
+VERSION = ["dpkg-query", "-W", "python3-mrcal"]
 VARIANTS = {"mrcal OPENCV8": 1, "mrcal splined": 1}
 EXPORT = "its own .cameramodel, without loss"
 SPLINES = "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=10_Ny=8_fov_x_deg={:.0f}"
@@ -70,9 +71,8 @@ def fit(job, variant, start):
     warp = problem["calobject_warp"] = np.zeros(2)
     rms = solved(problem, calobject_warp=True)
     bent = mrcal.ref_calibration_object(columns, rows, side, calobject_warp=warp)[..., 2]
-    lens = (model, problem["intrinsics"][0])
     return {
-        "lens": lens,
+        "lens": (model, problem["intrinsics"][0]),
         "world": job.lifted(bent[job.row, job.column]),
         "claimed": {"rms_px": rms},
     }

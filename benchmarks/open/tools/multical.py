@@ -4,7 +4,7 @@ import numpy as np
 from multical.camera_fisheye import CameraFisheye
 from structs.struct import struct
 
-PACKAGES = ["multical==0.4.0", "numpy<2"]
+PACKAGES = ["multical==0.4.0", "opencv-contrib-python==4.6.0.66", "numpy<2"]
 VARIANTS = {"multical fisheye": 1}
 EXPORT = "its own K and D, without loss"
 

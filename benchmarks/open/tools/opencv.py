@@ -1,10 +1,13 @@
-"""OpenCV's two models of wide lenses, of the contrib wheel, and its tutorials' finders."""
+"""OpenCV's two models of wide lenses, of the contrib wheel, and its tutorials' finders.
+
+Of OpenCV 4: ``cv2.fisheye.calibrate`` of 5.0.0 is hundreds of pixels off where that is not.
+"""
 
 import cv2
 import numpy as np
-from job import PLAUSIBLE
+from job import PLAUSIBLE, by_fisheye
 
-PACKAGES = ["opencv-contrib-python-headless<5", "scipy"]
+PACKAGES = ["opencv-contrib-python-headless==4.14.0.94", "scipy"]
 VARIANTS = {"OpenCV fisheye": 3, "OpenCV omnidir": 1}
 EXPORT = "its own K and D, without loss"
 CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 300, 1e-10)
@@ -29,8 +32,8 @@ def fit(job, variant, start):
         focal = GUESSES[start] * job.size[0]
         matrix = np.array([[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]])
     away = [np.linalg.norm(pixel[:, 0] - middle, axis=1) for _, pixel in views]
-    best, problem = None, None
-    for share in SHARES if start else SHARES[:1]:
+    best, shares = None, SHARES if start else SHARES[:1]
+    for share in shares:
         near = [one <= share * max(map(np.max, away)) for one in away]
         kept = [(p[n], q[n]) for (p, q), n in zip(views, near, strict=True) if n.sum() >= 8]
         try:
@@ -38,28 +41,24 @@ def fit(job, variant, start):
                 *map(list, zip(*kept, strict=True)), job.size, matrix, np.zeros((4, 1)),
                 flags=flags, criteria=CRITERIA,
             )  # fmt: skip
-        except cv2.error as told:
-            problem = told
+        except cv2.error:
+            if best is None and share == shares[-1]:
+                raise
             continue
         if best is None or rms < best["claimed"]["rms_px"]:
             note = "" if share == 1 else f"fitted within {share:.0%} of the largest radius"
             best = {"k": k, "d": d, "claimed": {"rms_px": rms}, "note": note}
         if rms < PLAUSIBLE * job.size[0]:
             break
-    if best is None:
-        raise problem
     return best
 
 
 def project(model, points):
+    if "xi" not in model:
+        return by_fisheye(model["k"], model["d"], points)
     where, zero = np.ascontiguousarray(points[:, None], float), np.zeros(3)
-    if "xi" in model:
-        lens = [model[key] for key in ("k", "xi", "d")]
-        return cv2.omnidir.projectPoints(where, zero, zero, *lens)[0].reshape(-1, 2)
-    with np.errstate(all="ignore"):
-        seen = cv2.fisheye.projectPoints(where, zero, zero, model["k"], model["d"])[0]
-    # It divides by z: what is beside or behind the camera comes out on the wrong side.
-    return np.where(points[:, 2:] > 0, seen.reshape(-1, 2), np.nan)
+    lens = [model[key] for key in ("k", "xi", "d")]
+    return cv2.omnidir.projectPoints(where, zero, zero, *lens)[0].reshape(-1, 2)
 
 
 def detect(file, job):
@@ -68,14 +67,13 @@ def detect(file, job):
     gray = cv2.imread(file, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
     columns, rows = board["corners"]
     if board["type"] == "checkerboard":
-        found, corners = cv2.findChessboardCorners(gray, (columns, rows))
+        corners = cv2.findChessboardCorners(gray, (columns, rows))[1]
         stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 30, 0.001)
-        if found:
-            return numbers, cv2.cornerSubPix(gray, corners, (5, 5), (-1, -1), stop)
-        return numbers[:0], []
+        return numbers, cv2.cornerSubPix(gray, corners, (5, 5), (-1, -1), stop)
     words = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board["dictionary"]))
-    size = (columns + 1, rows + 1)
-    charuco = cv2.aruco.CharucoBoard(size, board["square"], board["marker"], words)
+    charuco = cv2.aruco.CharucoBoard(
+        (columns + 1, rows + 1), board["square"], board["marker"], words
+    )
     charuco.setLegacyPattern(board.get("first_square") == "light")
     corners, ids, *_ = cv2.aruco.CharucoDetector(charuco).detectBoard(gray)
-    return (numbers[:0], []) if ids is None else (numbers[ids.ravel()], corners)
+    return numbers[ids.ravel()], corners

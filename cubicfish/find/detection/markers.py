@@ -30,7 +30,7 @@ from cubicfish.find.detection.markers_closer import (
     read_closer,
     small_boards,
 )
-from cubicfish.find.detection.markers_detect import SeenMarkers, Sight, reading_zooms
+from cubicfish.find.detection.markers_detect import NO_MARKERS, SeenMarkers, Sight, reading_zooms
 from cubicfish.find.detection.markers_lattice import BoardLattice
 from cubicfish.find.detection.markers_measure import with_sides_seen
 from cubicfish.find.detection.markers_missing import Part
@@ -308,9 +308,24 @@ def _find_outlined(
     image: npt.NDArray[np.generic], target: Target, _grids: FoundGrids | None
 ) -> MarkedCorners:
     """As :func:`_find`, of outlines alone."""
-    sight = Sight.of(image, target)
-    markers = read_alone(sight.pyramid, sight.families)
+    sight, markers, places = Sight.of(image, target), NO_MARKERS, dict[int, BoolArray]()
+    for zoom in reading_zooms(sight.pyramid.size, sight.families):
+        read = read_alone(sight.pyramid, sight.families, [zoom])
+        markers = SeenMarkers.joined([markers, read])
+        places = _agreeing(markers, target)
+        if list_marked(sight) <= set(places):
+            break
     pieces = []
+    for index, chosen in places.items():
+        own = markers.of(index)
+        lattice = placed(sight, index, own, chosen, Tree(np.zeros((0, 2))))
+        pieces.append(Piece(board=index, lattice=lattice, markers=len(own)))
+    return _make_marked(Named(pieces=pieces, contradictory=set()), 0)
+
+
+def _agreeing(markers: SeenMarkers, target: Target) -> dict[int, BoolArray]:
+    """Boards that enough markers place, and which of a board's these are where most agree."""
+    found = {}
     for index in np.unique(markers.board).tolist():
         own = markers.of(index)
         label = group_agreeing(own, target.boards[index])
@@ -318,11 +333,9 @@ def _find_outlined(
             place: len(np.unique(own.cell[label == place], axis=0)) for place in label.tolist()
         }
         place = max(agreeing, key=lambda one: agreeing[one])
-        if agreeing[place] < _AGREEING:
-            continue
-        lattice = placed(sight, index, own, label == place, Tree(np.zeros((0, 2))))
-        pieces.append(Piece(board=index, lattice=lattice, markers=agreeing[place]))
-    return _make_marked(Named(pieces=pieces, contradictory=set()), 0)
+        if agreeing[place] >= _AGREEING:
+            found[index] = label == place
+    return found
 
 
 def _make_marked(found: Named, grids: int) -> MarkedCorners:

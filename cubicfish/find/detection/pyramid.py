@@ -151,7 +151,7 @@ def estimate_noise(image: npt.NDArray[np.generic]) -> float:
     """
     if min(image.shape) < 3:
         return 0.0
-    every = max(1, int(np.sqrt(image.size / _NOISE_SAMPLES)))
+    every = max(1, round(np.sqrt(image.size / _NOISE_SAMPLES)))
     height, width = image.shape
     filtered = np.zeros(image[1 : height - 1 : every, 1 : width - 1 : every].shape, np.float32)
     for y, down in enumerate((1, -2, 1)):

@@ -63,7 +63,10 @@ def quick_detect(image: npt.NDArray[np.generic], target: Target | None) -> Quick
 
 
 def quick_detect_near(
-    image: npt.NDArray[np.generic], target: Target | None, near: Sequence[QuickDetection] = ()
+    image: npt.NDArray[np.generic],
+    target: Target | None,
+    near: Sequence[QuickDetection] = (),
+    before: QuickDetection | None = None,
 ) -> QuickDetection:
     """As :func:`quick_detect`, in a picture of a film: closely only where boards may be.
 
@@ -76,6 +79,7 @@ def quick_detect_near(
         target: the same.
         near: what pictures next to it show: the last two, or the one before and the one after.
             Boards are expected between and beyond their places, as far as these are apart.
+        before: what this picture showed when less was expected, if that was no board.
 
     """
     zoom = _choose_zoom(image, target)
@@ -85,7 +89,7 @@ def quick_detect_near(
     small = [not board.is_clear(_COARSER * zoom) for boards in known for board in boards]
     if _fill(_apart(expected[np.array(small, bool)], size), size):
         return _detect(image, target, zoom)
-    coarse = _detect(image, target, _COARSER * zoom)
+    coarse = _detect(image, target, _COARSER * zoom) if before is None else before
     seen = _list_boards(coarse, target)
     clear = [one for one in seen if one.is_seen_whole(_COARSER * zoom)]
     others = [one.place for one in seen if one not in clear]

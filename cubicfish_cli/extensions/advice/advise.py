@@ -37,7 +37,7 @@ class Advice:
         gaps: what photos so far do not show.
         reasons: why these are not enough.
         photos_needed: how many more photos, as proposed here, reach the goal; None if
-            :data:`MOST_PHOTOS` do not reach it, or if that is not known.
+            :data:`MOST_PHOTOS` do not reach it, or if that is not known or was not wanted.
         proposals: the next photos, in order.
         notes: remarks: what is not known and why, or what to keep in mind.
         knowledge: what the photos so far say; None if the poses are not known.
@@ -92,6 +92,7 @@ def advise(
     *,
     goal_px: float | None = None,
     proposals: int = PROPOSALS,
+    count: bool = True,
     seed: int = 0,
 ) -> Advice:
     """Say what photos so far leave open and what to photograph next.
@@ -104,6 +105,7 @@ def advise(
             the verdict. By default photos are enough where the verdict asks for none, and
             proposals aim at :class:`Goal`.
         proposals: how many photos to propose.
+        count: whether to find how many photos are needed, where that is more than are proposed.
         seed: of the poses that they are chosen from.
 
     Raises:
@@ -135,7 +137,7 @@ def advise(
             knowledge, target, within, notes, limited_lens(own, blind=blind), seed
         )
         if knowledge is not None and views:
-            found, needed = proposed(knowledge, views, gaps, rays, goal, proposals)
+            found, needed = proposed(knowledge, views, gaps, rays, goal, proposals, count=count)
         short = goal.photos - len(pairs.images)
         needed = None if needed is None else max(needed, short, 1)
     return Advice(

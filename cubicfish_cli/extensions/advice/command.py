@@ -107,7 +107,7 @@ def advise_files(options: AdviseOptions, *, run: Run = Run()) -> AdviceFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish import CubicCamera
+    from cubicfish import CameraFile
     from cubicfish_cli.extensions.advice.advise import advise
     from cubicfish_cli.inputs.calibration_facts import facts_of_files
 
@@ -125,7 +125,7 @@ def advise_files(options: AdviseOptions, *, run: Run = Run()) -> AdviceFiles:
     plan.reads(facts.sources)
     if given is not None and facts.target is None:
         raise UsageError("name the target of these corners with --target target.yaml")
-    if not isinstance(facts.known.camera, CubicCamera):
+    if not isinstance(facts.known, CameraFile):
         raise CubicfishError(
             f"{path} is of lift 'point', which has no rays: its uncertainty over the field, "
             "and what would lower it, cannot be worked out; calibrate with --lift ray for this"

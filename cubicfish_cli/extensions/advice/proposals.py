@@ -75,8 +75,10 @@ def proposed(
     rays: FloatArray,
     goal: Goal,
     proposals: int,
+    *,
+    count: bool = True,
 ) -> tuple[tuple[Proposal, ...], int | None]:
-    """Choose the next photos, and count how many of them reach the goal."""
+    """Choose the next photos, and count how many of them reach the goal, if that is wanted."""
     added = [knowledge.of_photo(view.seen.camera[view.seen.visible]) for view in views]
     filled = np.array([_find_filled(view, gaps) for view in views])
     empty, squares = gaps.cells.empty, max(gaps.cells.field.sum(), 1)
@@ -86,19 +88,18 @@ def proposed(
     state, level = knowledge, knowledge.over(rays)
     needed = None
     while len(chosen) < MOST_PHOTOS and not taken.all():
-        tried = [state + photo for photo in added]
-        sums = [one.over(rays) for one in tried]
+        sums = state.over_with(added, rays)
         fill = (filled & empty).sum(axis=(1, 2)) / squares
         left = np.array([_measure_left(after, level) for after in sums])
         best = int(np.argmin(np.where(taken, np.inf, left - fill)))
         chosen.append(Proposal(view=views[best], before=level, after=sums[best]))
-        state, level = tried[best], sums[best]
+        state, level = state + added[best], sums[best]
         empty &= ~filled[best]
         taken[best] = True
         covered = 1 - empty.sum() / squares >= goal.coverage
         if needed is None and level.p95_px <= goal.p95_px and covered:
             needed = len(chosen)
-        if len(chosen) >= proposals and needed is not None:
+        if len(chosen) >= proposals and (needed is not None or not count):
             break
     return tuple(chosen[:proposals]), needed
 

@@ -135,7 +135,7 @@ def _list_candidates(measured: Sequence[Measured]) -> list[Candidate]:
                 name += f"_{index}"
             taken.add(name)
             seen = Seen(sharpness=film.sharpness[index], motion=film.motion[index])
-            photo = Photo(name=f"{name}.png", path=film.kept[index])
+            photo = replace(film.kept[index], name=f"{name}.png")
             every.append(Candidate(film=number, index=index, photo=photo, seen=seen))
     return every
 

@@ -7,7 +7,6 @@ from functools import partial
 from html import escape
 from pathlib import Path
 
-from cubicfish import read_picture
 from cubicfish.files import Content, FrameName
 from cubicfish_cli.extensions.films.frames import Chosen, names_of
 from cubicfish_cli.films.scan import copy_as_png
@@ -49,7 +48,7 @@ def write_chosen(folder: Path, chosen: Chosen, plan: Plan) -> None:
     """
     files: dict[Path, Content] = {folder / SHEET: _draw_sheet(chosen)}
     for frame in chosen.taken:
-        files[folder / frame.photo.name] = partial(copy_as_png, frame.photo.path)
+        files[folder / frame.photo.name] = partial(copy_as_png, frame.photo)
     films = {one.film.label for one in chosen.measured}
     pictures = folder.glob("*.png")
     plan.leaves(*(one for one in pictures if (FrameName.read(one.name) or ("",))[0] in films))
@@ -62,7 +61,7 @@ def _draw_sheet(chosen: Chosen) -> str:
     figures = []
     for frame in taken:
         seen, film = frame.seen, films[frame.film]
-        picture = data_uri(thumbnail(read_picture(frame.photo.path), _LONGEST), _QUALITY)
+        picture = data_uri(thumbnail(frame.photo.read(), _LONGEST), _QUALITY)
         head = f"{film.film.label} " * (len(films) > 1) + f"{film.time[frame.index]:.3f} s"
         figures.append(
             f'<figure><img alt="" src="{picture}"><figcaption><b>{escape(head)}</b><br>'

@@ -9,14 +9,13 @@ In all of them pixel (0, 0) is the middle of the first one, as here.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
 
-from cubicfish import CubicCamera, FloatArray
-from cubicfish.models import FormulaLens, RadialCamera, angle_from_axis
-from cubicfish.solve import nearest_lens
+from cubicfish import FloatArray
+from cubicfish.models import FormulaLens, RadialCamera
 from cubicfish_cli.extensions.formats.colmap_cameras import RadialPolyLens, RadTanThinPrismLens
 from cubicfish_cli.foreign.file_contents import PlacedLens, json_text
 
@@ -45,19 +44,19 @@ class FThetaLens(RadialPolyLens):
     reach: float = field(default=np.pi, metadata=FormulaLens.FIXED)
 
     @classmethod
-    def nearest_to(cls, camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> Self:
-        """See :class:`Lens`: it keeps how far the field reaches."""
-        reach = float(angle_from_axis(rays).max())
-        return replace(
-            nearest_lens(cls.starts(camera.radial, reach), rays, pixel), reach=_MARGIN * reach
-        )
-
-    @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
-        """Fit the polynomial to the radial lens's profile."""
+        """Fit the polynomial to the radial lens's profile; it keeps how far the field reaches."""
         theta = np.linspace(0.02, covered, 200)
         rows, rest = theta[:, None] ** [2, 3, 4, 5], radial.profile(theta) - theta
-        return (cls.near(radial, k=np.linalg.lstsq(rows, rest, rcond=None)[0], d=0.0, e=0.0),)
+        return (
+            cls.near(
+                radial,
+                k=np.linalg.lstsq(rows, rest, rcond=None)[0],
+                d=0.0,
+                e=0.0,
+                reach=_MARGIN * covered,
+            ),
+        )
 
     def pixels(self, points: FloatArray) -> FloatArray:
         """See :class:`Lens`."""

@@ -4,11 +4,9 @@ from dataclasses import dataclass
 from math import floor
 from typing import Any
 
-from cubicfish.target import BOARD_TYPES, Markers
-
 Counts = tuple[int, int]
 # A charuco has the smallest of these that is large enough, unless another one is named.
-_USUAL_FAMILIES = ("DICT_5X5_50", "DICT_5X5_100", "DICT_5X5_250", "DICT_5X5_1000")
+_USUAL_FAMILIES = {size: f"DICT_5X5_{size}" for size in (50, 100, 250, 1000)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,6 +19,7 @@ class Design:
             fewer say little, more are small.
         marker: side of a marker, in squares (or tags); 0 without markers.
         spacing: gap between tags / side of a tag, as Kalibr's own boards have it.
+        quiet: white that the print should have around it, in squares (or tags).
 
     """
 
@@ -28,16 +27,12 @@ class Design:
     counts: Counts
     marker: float = 0.0
     spacing: float = 0.0
+    quiet: float = 1.0
 
     @property
     def before(self) -> float:
         """Squares from the print's edge to corner (0, 0)."""
         return self.spacing or 1.0
-
-    @property
-    def quiet(self) -> float:
-        """White that the print should have around it, in squares."""
-        return 1.0 / BOARD_TYPES[self.type].per_cell
 
     def length(self, count: int, square: float) -> float:
         """Length of the print of so many corners (or tags)."""
@@ -58,8 +53,8 @@ class Design:
         """Return the family of ``count`` markers: the chosen one, else the usual one."""
         if self.type == "aprilgrid":
             return chosen or "tag36h11"
-        enough = [one for one in _USUAL_FAMILIES if Markers.DICTIONARIES[one] >= count]
-        return chosen or next(iter(enough), _USUAL_FAMILIES[-1])
+        enough = [one for size, one in _USUAL_FAMILIES.items() if size >= count]
+        return chosen or next(iter(enough), _USUAL_FAMILIES[1000])
 
     def record(self, counts: Counts, square: float, family: str, first: int) -> dict[str, Any]:
         """Return the record in target.yaml of a board of so many corners (or tags).
@@ -81,7 +76,7 @@ DESIGNS = {
     for one in (
         Design(type="checkerboard", counts=(4, 11)),
         Design(type="charuco", counts=(4, 9), marker=0.75),  # large enough to be read
-        Design(type="aprilgrid", counts=(2, 6), marker=1.0, spacing=0.3),
+        Design(type="aprilgrid", counts=(2, 6), marker=1.0, spacing=0.3, quiet=0.5),
     )
 }
 """By the types' names."""

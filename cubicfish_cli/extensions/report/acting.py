@@ -67,7 +67,7 @@ def next_photos(facts: Facts) -> dict[str, page.Drawn]:
     if enough or len(errors.pairs.pixel) > _MOST_CORNERS or len(errors.pairs.images) < 2:
         return {}
     try:
-        advice = advise(known, errors.pairs, facts.target)  # type: ignore[arg-type]
+        advice = advise(known, errors.pairs, facts.target, count=False)  # type: ignore[arg-type]
     except (CubicfishError, np.linalg.LinAlgError):  # of records that fit nothing
         return {}
     drawn = (_draw_next(facts, advice, *one) for one in enumerate(advice.proposals, start=1))

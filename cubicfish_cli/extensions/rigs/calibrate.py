@@ -115,7 +115,7 @@ class RigOptions:
         "Leave the lenses as each camera alone has them, and fit their places only.",
     )
     refine_target: RefineTarget | None = parameters.refine_target_option(
-        "Fit the target too, as 'cubicfish calibrate' does. [default: auto]", default=None
+        "Fit the target too, as 'cubicfish calibrate' does. [default: auto]"
     )
     report: bool = parameters.report_option
 

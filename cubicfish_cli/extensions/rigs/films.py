@@ -20,9 +20,9 @@ from cubicfish import (
     PhotoError,
     Run,
     Target,
+    detect,
 )
 from cubicfish.files import Content, FrameName, Table, write_files
-from cubicfish.observe import find_corners
 from cubicfish.photos import Photo
 from cubicfish.rigs import CornerMotion
 from cubicfish_cli.extensions.rigs.film_clocks import FilmMotion, match_films
@@ -189,7 +189,7 @@ def _choose(
         photos = [Photo(name=f"{name} {index}", path=taken[name][index]) for index in frames]
         try:
             step = f"Finding corners in {name}"
-            detection = find_corners(photos, targets, run, again=False, step=step)
+            detection = detect(photos, targets, run, again=False, step=step)
         except DetectionError as error:
             raise error.amid(f"camera {name}: no frame can be chosen: ") from error
         patches = Found.of(detection).patches

@@ -22,12 +22,12 @@ from cubicfish import (
     PhotoError,
     Run,
     Target,
+    detect,
     read_picture,
 )
 from cubicfish.files import write_files
 from cubicfish.find import PhotoReport
 from cubicfish.judge import Code
-from cubicfish.observe import find_corners
 from cubicfish.photos import Photo, PictureFile, find_photos
 from cubicfish_cli.extensions.shoot import words
 from cubicfish_cli.extensions.shoot.camera import Camera
@@ -226,7 +226,7 @@ class Shoot:
         """What photos show, and what is wrong with each; of those that are whole."""
         reports, corners, why = list[PhotoReport | None](), None, ""
         try:
-            found = find_corners(photos, self.targets, self.run, again=False)
+            found = detect(photos, self.targets, self.run, again=False)
             reports, corners = [*found.photos], found.corners
             unreadable = [one.refusal for one in found.photos if one.refusal is not None]
         except DetectionError as problem:

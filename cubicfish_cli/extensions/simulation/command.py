@@ -198,7 +198,8 @@ def simulate_files(options: SimulateOptions, *, run: Run = Run()) -> SimulatedFi
 
     """
     from cubicfish import CameraFile, CubicCamera, Event, load_camera
-    from cubicfish.scene import Look, Scene, pose_table_text
+    from cubicfish.scene import Look, Scene
+    from cubicfish_cli.extensions.simulation.poses import pose_table_text
 
     folder = Path(options.folder)
     truth = [folder / name for name in ("true_corners.csv", "true_poses.csv", "true_camera.yaml")]
@@ -255,7 +256,7 @@ def _poses_of_table(path: Path, form: str) -> dict[str, tuple[FloatArray, FloatA
         CorrespondenceError: a row names no file of its own, or the table cannot be used.
 
     """
-    from cubicfish.scene import load_poses
+    from cubicfish_cli.extensions.simulation.poses import load_poses
 
     named: dict[str, tuple[FloatArray, FloatArray]] = {}
     for name, pose in load_poses(path).items():

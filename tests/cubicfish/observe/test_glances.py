@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from synthetic import checkerboard
 
-from cubicfish.observe.detection import find_corners
+from cubicfish.observe.detection import detect
 from cubicfish.observe.glances import Glances
 from cubicfish.photos.photos import Photo
 from cubicfish.run import Run
@@ -32,7 +32,7 @@ PHOTOS = [photo("a", 0), photo("empty", None), photo("b", 40)]
 def test_grids_without_a_target_are_in_the_reports() -> None:
     glances = Glances(photos=PHOTOS, size=SIZE)
     seen = glances.look(range(3), (), Work(jobs=1))
-    full = find_corners(PHOTOS, (), Run(jobs=1), again=False)
+    full = detect(PHOTOS, (), Run(jobs=1), again=False)
     for detection in (seen, full):
         assert len(detection.corners.pixel) == 0
         assert [report.name for report in detection.photos] == ["a", "empty", "b"]

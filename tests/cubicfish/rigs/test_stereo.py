@@ -11,9 +11,9 @@ from simulated_rig import RigTruth, corner_target, simulated_rig
 from synthetic import TRUE_LENS
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
-from cubicfish import RectifiedPair, Rig, ViewError, build_map, build_view, calibrate_rig, rectify
+from cubicfish import Rig, ViewError, build_map, build_view, calibrate_rig, rectify
 from cubicfish.geometry import camera_centre
-from cubicfish.rigs.stereo import ROW_ALIGNED, rectified_pair
+from cubicfish.rigs.stereo import ROW_ALIGNED, RectifiedPair, rectified_pair
 from cubicfish.scene.truth import Pose, rotation_matrix
 from cubicfish.views import CentralView
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from cubicfish.scene.faces import board_face
-from cubicfish.target import Markers
+from cubicfish.target.boards.markers import Markers
 from cubicfish.target.boards.types import AprilGrid, Charuco
 
 

@@ -120,9 +120,9 @@ def test_a_process_that_is_killed_is_an_error_and_no_hang(place: int) -> None:
 BARE = """
 import sys
 import numpy as np
-from cubicfish import Target, detect
+from cubicfish import Run, Target, detect
 grey = np.zeros((64, 64), np.uint8)
-detect([grey, grey], Target.load(sys.argv[1]), jobs=2)
+detect([grey, grey], Target.load(sys.argv[1]), Run(jobs=2))
 """
 
 

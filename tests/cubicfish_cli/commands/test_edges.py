@@ -194,7 +194,7 @@ def test_outputs_that_cannot_be_written_are_refused_before_the_work(
         pytest.skip("there is no /proc here")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").touch()
-    monkeypatch.setattr("cubicfish.observe.detection.find_corners", None)
+    monkeypatch.setattr("cubicfish.detect", None)
     if place != ".":
         error = run("calibrate", SAMPLE / "photos", "-t", TARGET, "-o", place, code=1).stderr
         assert says in error

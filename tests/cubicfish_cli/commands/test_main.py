@@ -89,7 +89,7 @@ NEEDLESS = {"matplotlib", "jinja2", "av", "rosbags", "asyncio", "distributed", "
 @pytest.mark.parametrize(
     ("line", "more"),
     [
-        ("calibrate {photos} -t {target} -o {out} -j 1 --no-report --no-cache", set[str]()),
+        ("calibrate {photos} -t {target} -o {out} -j 1 --no-report --no-cache", {"scipy"}),
         ("detect {photos} -t {target} -o {out}/c.csv -j 1 --no-cache", set[str]()),
         ("evaluate {photos} -t {target} -m {camera} -j 1 --no-cache", set[str]()),
         ("undistort {photo} {out}/flat.png -m {camera} -j 1", {"scipy", "email"}),
@@ -243,10 +243,10 @@ def test_debug_shows_where_an_error_came_from(run: Run, tmp_path: Path, place: s
 def test_what_a_user_can_cause_has_an_exit_code(
     run: Run, monkeypatch: pytest.MonkeyPatch, error: BaseException, said: str, code: int
 ) -> None:
-    def fail(path: Path) -> Any:
+    def fail(path: Path, *, any_lift: bool) -> Any:
         raise error
 
-    monkeypatch.setattr(cubicfish, "load_any_camera", fail)
+    monkeypatch.setattr(cubicfish, "load_camera", fail)
     result = run("project", "-m", "any.yaml", input="0,0,1\n", code=code)
     assert result.stderr.startswith(said)
     assert result.stdout == ""
@@ -271,10 +271,10 @@ def test_no_help_has_lost_its_lines(run: Run) -> None:
 
 
 def test_a_bug_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(path: Path) -> Any:
+    def fail(path: Path, *, any_lift: bool) -> Any:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(cubicfish, "load_any_camera", fail)
+    monkeypatch.setattr(cubicfish, "load_camera", fail)
     result = CliRunner().invoke(cli, ["project", "-m", "any.yaml"], input="0,0,1\n")
     assert isinstance(result.exception, ZeroDivisionError)
 

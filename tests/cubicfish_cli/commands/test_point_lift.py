@@ -9,7 +9,7 @@ import pytest
 from running import Run
 from samples import SAMPLE
 
-from cubicfish import Target, load_any_camera, load_corners
+from cubicfish import Target, load_camera, load_corners
 
 TARGET = SAMPLE / "target.yaml"
 
@@ -65,6 +65,6 @@ def test_several_photos_and_the_gate(run: Run, tmp_path: Path) -> None:
     args = ["calibrate", SAMPLE / "true_corners.csv", "-t", TARGET, "--lift", "point"]
     said = run(*args, "-o", tmp_path, "--max-rms", 0.001, code=3).stdout
     assert "10 photos" in said
-    camera = load_any_camera(tmp_path / "camera.yaml").camera
+    camera = load_camera(tmp_path / "camera.yaml", any_lift=True).camera
     assert (camera.frame, camera.rank) == ("camera", 20)  # type: ignore[union-attr]
     assert "exists already" in run(*args, "-o", tmp_path, code=1).stderr

@@ -13,8 +13,9 @@ from synthetic import checkerboard
 
 from cubicfish import Target, load_camera, load_corners
 from cubicfish.fit.evaluate import evaluate
-from cubicfish.scene.truth import camera_points, load_poses
+from cubicfish.scene.truth import camera_points
 from cubicfish_cli import save_camera, save_target
+from cubicfish_cli.extensions.simulation.poses import load_poses
 
 TARGET = SAMPLE / "target.yaml"
 

@@ -17,14 +17,8 @@ from synthetic_lenses import synthetic_lens
 from told import raises_told
 
 from cubicfish.calibration import calibrate
-from cubicfish.diagnosis import left_out, photo_lenses, two_lenses, wrong_nominal
+from cubicfish.diagnosis import photo_lenses, rejected_photos, two_lenses, wrong_nominal
 from cubicfish.diagnosis.diagnose import find_faults
-from cubicfish.diagnosis.left_out import (
-    board_fault,
-    board_findings,
-    failed_lens,
-    left_out_lens,
-)
 from cubicfish.diagnosis.mirrored import handed, mirrored_object, seen_sides
 from cubicfish.diagnosis.object_faults import object_fault
 from cubicfish.diagnosis.photo_lenses import (
@@ -32,6 +26,12 @@ from cubicfish.diagnosis.photo_lenses import (
     PhotoLenses,
     Unlike,
     unlike,
+)
+from cubicfish.diagnosis.rejected_photos import (
+    board_fault,
+    board_findings,
+    failed_lens,
+    left_out_lens,
 )
 from cubicfish.diagnosis.two_lenses import best_split, lens_change
 from cubicfish.diagnosis.wrong_nominal import measured_object
@@ -541,7 +541,7 @@ def test_one_photo_of_a_flat_board_has_no_lens_of_its_own(monkeypatch):
     seen = synthetic.synthetic_correspondences(target, poses, lens=zoomed, noise=0.1, seed=7)
     order = ["x", *seen.images]
     assert left_out_lens(LENS, seen, 0.1, order=order) is not None
-    monkeypatch.setattr(left_out, "_SURE_FOCAL", np.inf)
+    monkeypatch.setattr(rejected_photos, "_SURE_FOCAL", np.inf)
     for photos in ([0], [1, 2]):
         some = select_photos(seen, np.array(photos))
         assert left_out_lens(LENS, some, 0.1, order=order) is None
@@ -1051,8 +1051,8 @@ def test_photos_that_do_not_go_with_the_others_are_named(points):
 
 
 def test_few_of_many_photos_are_tried():
-    assert len(list(left_out._list_subsets(1000))) < 40
-    assert max(len(few) for few in left_out._list_subsets(1000)) <= 6
+    assert len(list(rejected_photos._list_subsets(1000))) < 40
+    assert max(len(few) for few in rejected_photos._list_subsets(1000)) <= 6
 
 
 @pytest.mark.slow
@@ -1065,6 +1065,8 @@ def test_photos_that_only_say_too_little_are_not_taken_apart(pairs, monkeypatch)
         for turn in rng.uniform(-3, 3, 8)
     ]
     facing = synthetic.synthetic_correspondences(flat, poses, lens=LENS, noise=0.1)
-    monkeypatch.setattr(left_out, "failed_lens", lambda pairs: pytest.fail("must not be tried"))
+    monkeypatch.setattr(
+        rejected_photos, "failed_lens", lambda pairs: pytest.fail("must not be tried")
+    )
     with pytest.raises(FitError, match=r"do not determine the lens.*: add photos in which"):
         calibrate(facing, target=flat, hold_out=False)

@@ -12,8 +12,9 @@ pytest.importorskip("av")
 import av
 from filming import RATE, write_film
 
-from cubicfish import PhotoError
-from cubicfish_cli.films.scan import Measured, scan
+from cubicfish import PhotoError, read_picture
+from cubicfish_cli.films import scan as scanning
+from cubicfish_cli.films.scan import Measured, copy_as_png, scan
 from cubicfish_cli.films.source import decode, frames, open_films, opened, time_after
 
 SIZE = (128, 96)
@@ -187,3 +188,23 @@ def test_frames_are_kept_of_every_while_of_a_film_whose_rate_varies(tmp_path):
     assert [index // 4 for index in kept] == list(range(COUNT // 4))
     steady = film_of(tmp_path / "steady.mkv")
     assert len(measured_of(steady, tmp_path / "steady", 20).kept) == COUNT // 20
+
+
+def test_kept_frames_are_the_same_in_memory_and_in_files_of_either_kind(tmp_path, monkeypatch):
+    """Memory has room for three of eight frames, and files that are not compressed for two more."""
+    path, size = film_of(tmp_path / "film.mkv"), 3 * SIZE[0] * SIZE[1]
+    held = list(measured_of(path, tmp_path / "held").kept.values())
+    assert all(one.picture is not None for one in held)
+    assert not (tmp_path / "held").exists()
+    monkeypatch.setattr(scanning, "_MOST_HELD", 3 * size)
+    monkeypatch.setattr(scanning, "_MOST_PLAIN", 2 * size)
+    kept = list(measured_of(path, tmp_path / "kept").kept.values())
+    assert [one.picture is not None for one in kept] == [True] * 3 + [False] * 5
+    assert (
+        sorted(one.suffix for one in (tmp_path / "kept").iterdir()) == [".bmp"] * 2 + [".png"] * 3
+    )
+    assert len({one.read().tobytes() for one in held}) == len(held) == 8
+    for number, (one, same) in enumerate(zip(kept, held, strict=True)):
+        np.testing.assert_array_equal(one.read(), same.read())
+        copy_as_png(one, tmp_path / f"{number}.png")
+        np.testing.assert_array_equal(read_picture(tmp_path / f"{number}.png"), same.read())

@@ -11,8 +11,8 @@ import fuzz_foreign as foreign
 import fuzz_lenses as lenses
 import numpy as np
 
-from cubicfish import CubicfishError, Target, load_any_camera, load_corners
-from cubicfish.io import load_correspondences
+from cubicfish import CubicfishError, Target, load_camera, load_corners
+from cubicfish.io.corners_csv import load_correspondences
 from cubicfish.photos import PictureFile
 from cubicfish_cli.commands.points import read_points
 
@@ -111,7 +111,7 @@ def _camera_seeds() -> Sequence[bytes]:
 
 
 def _read_camera(path: Path) -> object:
-    loaded = load_any_camera(path)
+    loaded = load_camera(path, any_lift=True)
     camera = loaded.camera
     width, height = camera.image_size
     rays = np.array([[0.1, 0.2, 1.0], [1, 0, 1e-3], [0, -1, -0.5]])

@@ -187,8 +187,8 @@ MUTATIONS = tuple(
         ),
         (
             "cubicfish/fit/uncertainty.py",
-            "by_lens - turned @ self.turn",
-            "by_lens + turned @ self.turn",
+            "slopes.by_lens - slopes.by_turn @ self.turn",
+            "slopes.by_lens + slopes.by_turn @ self.turn",
             "cubicfish/fit/test_uncertainty",
         ),
         (

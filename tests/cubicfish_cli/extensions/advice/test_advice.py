@@ -201,6 +201,18 @@ def test_no_photo_is_proposed_twice(poor):
 
 
 @pytest.mark.slow
+def test_photos_are_counted_where_that_is_wanted_alone(poor):
+    counted, not_counted = (
+        advise(poor, poor.pairs, TARGET, goal_px=0.09, proposals=1, count=count)
+        for count in (True, False)
+    )
+    assert counted.photos_needed > 1
+    assert not_counted.photos_needed is None
+    (first,), (same,) = counted.proposals, not_counted.proposals
+    assert first.as_record() == same.as_record()
+
+
+@pytest.mark.slow
 def test_parts_are_named_by_the_squares_that_are_empty():
     fit = fit_of(poses_around(TARGET, 12, seed=3))
     camera, x = fit.camera, fit.pairs.pixel[:, 0]
