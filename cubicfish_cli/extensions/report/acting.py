@@ -58,13 +58,17 @@ void main() {
 """
 
 
+def enough(facts: Facts) -> bool:
+    """Return whether no more photos are needed."""
+    return not Goal.of(facts.fit, facts.camera.image_size).explain_unmet(facts.known.verdict)
+
+
 def next_photos(facts: Facts) -> dict[str, page.Drawn]:
     """Draw the photos to take next, by their names; none where none is needed or known."""
     errors, camera, known = facts.errors, facts.camera, facts.known
     if errors is None or not isinstance(camera, CubicCamera):
         return {}
-    enough = not Goal.of(facts.fit, camera.image_size).explain_unmet(known.verdict)
-    if enough or len(errors.pairs.pixel) > _MOST_CORNERS or len(errors.pairs.images) < 2:
+    if enough(facts) or len(errors.pairs.pixel) > _MOST_CORNERS or len(errors.pairs.images) < 2:
         return {}
     try:
         advice = advise(known, errors.pairs, facts.target, count=False)  # type: ignore[arg-type]

@@ -14,7 +14,7 @@ import numpy as np
 
 from cubicfish import CubicCamera, Verdict
 from cubicfish.judge import Severity
-from cubicfish_cli.extensions.report.acting import live_view, next_photos, others_px
+from cubicfish_cli.extensions.report.acting import enough, live_view, next_photos, others_px
 from cubicfish_cli.extensions.report.figures import all_figures, arrow_zoom
 from cubicfish_cli.extensions.report.pictures import MOST_CARDS, all_pictures
 from cubicfish_cli.extensions.report.scene import scene_figures
@@ -70,6 +70,7 @@ def report_html(facts: Facts) -> str:
         },
         next_ones=list(next_ones),
         others_px=others_px(facts.photos),
+        enough=enough(facts),
         tells_moves=any(photo.moves_px is not None for photo in facts.photos),
         quoted=shell_line,
         facts=facts,
@@ -118,7 +119,8 @@ def _make_tiles(facts: Facts) -> list[tuple[str, str, str]]:
         if math.isfinite(value)
     ]
     for name, value, unit, meaning in in_words.scope(facts.known):
-        tiles.append((name.capitalize(), f"{value} {unit}".replace(" °", "°"), meaning))
+        if name != "coverage":  # the verdict has it
+            tiles.append((name.capitalize(), f"{value} {unit}".replace(" °", "°"), meaning))
     if fit.rank and not isinstance(facts.camera, CubicCamera):
         tiles.append(("Rank", f"{fit.rank} of 20", "what the corners determine of P"))
     return tiles
