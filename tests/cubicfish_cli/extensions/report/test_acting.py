@@ -63,7 +63,7 @@ def test_what_leaving_a_photo_out_changes_is_nearly_what_a_refit_says(pairs: Obs
         refit, name = fit([one for one in range(10) if one != photo]), pairs.images[photo]
         change, _ = aligned_difference(refit.camera, whole.camera, rays)
         rms = float(np.sqrt(np.nanmean(np.square(change).sum(axis=1))))
-        ratios.append(whole.fit.per_image[photo].moves_px / rms)
+        ratios.append((whole.fit.per_image[photo].moves_px or 0.0) / rms)
         assert others[name] == pytest.approx(refit.fit.rms_px, rel=0.02)
     assert np.median(ratios) == pytest.approx(1, abs=0.1)
     assert all(0.6 < one < 1.6 for one in ratios)
