@@ -6,8 +6,8 @@ picture    seconds from the whole file to the page's picture of it, and to its c
 next pose  seconds to the next ghost board
 CPU        of the process for one photo, all steps, the held-out error too
 
-Then a film as camera is killed at random moments, again and again, and the photos are counted that
-were told of and are not there whole.
+Then shoots with a film as camera are killed, each at a random moment after its first photo, and the
+photos are counted that were told of and are not there whole.
 """
 
 import argparse
@@ -80,23 +80,29 @@ def answers(folder: Path, count: int) -> None:
 
 def kills(folder: Path, count: int) -> None:
     """Kill a shoot with a camera at random moments, and count what is lost."""
-    rng, film = np.random.default_rng(0), filmed(folder / "film.mkv", seconds=6)
-    told: set[str] = set()
-    lost, damaged = set[str](), set[str]()
-    for _ in range(count):
-        with shooting(folder, "--camera", film, page=False) as running:
-            time.sleep(float(rng.uniform(0.2, 8.0)))
+    rng, film = np.random.default_rng(0), filmed(folder / "film.mkv", seconds=1.2)
+    told, lost, damaged, rest = 0, 0, 0, 0
+    for number in range(count):
+        own = folder / str(number)
+        own.mkdir()
+        with shooting(own, "--camera", film, page=False) as running:
+            said = ""
+            while not said.startswith("shoot_"):
+                said = running.process.stdout.readline()
+            time.sleep(float(rng.uniform(0.0, 8.0)))
             running.process.send_signal(signal.SIGKILL)
-            said, _ = running.process.communicate()
-        told |= {line.partition(":")[0] for line in said.splitlines() if line.startswith("shoot_")}
-        there = {path.name for path in (folder / "photos").glob("*.png")}
-        lost |= told - there
+            said += running.process.communicate()[0]
+        names = {one.partition(":")[0] for one in said.splitlines() if one.startswith("shoot_")}
+        there = {path.name for path in (own / "photos").glob("*.png")}
+        told, lost = told + len(names), lost + len(names - there)
+        rest += len({*os.listdir(own / "photos")} - there)
         for name in there:
             try:
-                read_picture(folder / "photos" / name)
+                read_picture(own / "photos" / name)
             except CubicfishError:
-                damaged.add(name)
-    print(f"\n{count} kills: {len(told)} photos told of, {len(lost)} lost, {len(damaged)} damaged")
+                damaged += 1
+    print(f"\n{count} kills: {told} photos told of, {lost} lost, {damaged} damaged, "
+          f"{rest} other files left")  # fmt: skip
 
 
 def main() -> None:

@@ -45,8 +45,7 @@ def python_of(adapter, about, work):
         here = subprocess.run([about["PYTHON"], "-c", f"import {module}"], capture_output=True)
         return (about["PYTHON"], "") if here.returncode == 0 else ("", f"not installed: {how}")
     packages = [one.format(root=ROOT) for one in about["PACKAGES"]]
-    name = f"{adapter.stem}-{digest(*packages)[:8]}"
-    folder = work / "environments" / name
+    folder = work / "environments" / f"{adapter.stem}-{digest(*packages)[:8]}"
     python = folder / ("Scripts" if os.name == "nt" else "bin") / "python"
     if not (folder / "done").exists():
         shutil.rmtree(folder, ignore_errors=True)
@@ -181,6 +180,8 @@ def main():
         missing = fetch.all_of(names, work / "cameras", given.snapshots)
     found = cameras_in(given.data or [work / "cameras"])
     names, wanted = chosen(found, given.cameras), chosen(tools, given.tools)
+    if not wanted or not (names or missing):
+        sys.exit("no camera or no tool is called so: --list names all")
     ours = HERE / "tools" / "cubicfish.py"
     pythons = {
         file: python_of(file, adapters[file], work) for file in {ours, *map(tools.get, wanted)}

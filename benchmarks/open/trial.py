@@ -157,14 +157,13 @@ def said(problem):
 
 def main():
     """Do what is not yet done."""
-    adapter, variant, job, folder, limit = sys.argv[1:]
-    folder = Path(folder)
-    trial = Trial(adapter, variant, job, folder)
+    adapter, tool, job, folder, limit = sys.argv[1:]
+    trial = Trial(adapter, tool, job, Path(folder))
     for piece in trial.pieces():
-        before = known(folder, "detect" if piece.startswith("own") else "full")
-        if known(folder, piece) or ("problem" in before and piece != "detect"):
+        before = known(trial.folder, "detect" if piece.startswith("own") else "full")
+        if known(trial.folder, piece) or ("problem" in before and piece != "detect"):
             continue
-        begun = folder / f"{piece}.begun"
+        begun = trial.folder / f"{piece}.begun"
         begun.touch()
         # Only this piece: what was used so far, and as much again as is allowed.
         most = int(spent() + float(limit)) + 1
@@ -174,8 +173,8 @@ def main():
         except Exception as problem:
             traceback.print_exc()
             found = {"problem": said(problem)}
-        np.savez(folder / f"{piece}.part.npz", **found)
-        os.replace(folder / f"{piece}.part.npz", folder / f"{piece}.npz")
+        np.savez(begun.with_suffix(".part.npz"), **found)
+        os.replace(begun.with_suffix(".part.npz"), begun.with_suffix(".npz"))
         begun.unlink()
 
 

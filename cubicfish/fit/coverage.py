@@ -46,6 +46,7 @@ _MIDDLE = 0.5
 _TIMES = 2.0
 _LEAST_MARGIN_DEG = 1.0
 _STEP_DEG = 0.25
+_RINGS = 8
 _EDGE_SLACK_RAD = 1e-6
 
 
@@ -194,18 +195,19 @@ def certain_angle_deg(camera: CubicCamera, sigma: Sigma) -> float:
 
     """
     farthest = camera.max_angle_deg
-    tried = np.append(np.arange(_STEP_DEG, farthest, _STEP_DEG), farthest)
+    tried = np.append(np.arange(_STEP_DEG, farthest, _STEP_DEG), farthest)[::-1]
     around = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
-    angle, azimuths = np.meshgrid(np.deg2rad(tried), around, indexing="ij")
-    own = sigma(ray_at(angle.ravel(), azimuths.ravel())).reshape(angle.shape)
-    shown = angle <= angle_from_axis(camera.edge(_DIRECTIONS)) + _EDGE_SLACK_RAD
+    edge = angle_from_axis(camera.edge(_DIRECTIONS)) + _EDGE_SLACK_RAD
     limit = TRUSTED_PX * of_size(camera.image_size)
-    ends = [
-        float(deg)
-        for deg, ring, there in zip(tried, own, shown, strict=True)
-        if there.any() and np.median(ring[there]) < limit
-    ]
-    return max(ends, default=farthest)
+    # From outside inwards, a few rings at once: most cameras are certain out there.
+    for first in range(0, len(tried), _RINGS):
+        rings = tried[first : first + _RINGS]
+        angle, azimuths = np.meshgrid(np.deg2rad(rings), around, indexing="ij")
+        own = sigma(ray_at(angle.ravel(), azimuths.ravel())).reshape(angle.shape)
+        for deg, ring, there in zip(rings, own, angle <= edge, strict=True):
+            if there.any() and np.median(ring[there]) < limit:
+                return float(deg)
+    return float(farthest)
 
 
 def _measure_all_around(farthest: FloatArray, edge: FloatArray, covered: float) -> float:

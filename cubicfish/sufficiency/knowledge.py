@@ -14,6 +14,7 @@ import numpy as np
 
 from cubicfish.angles import angle_from_axis
 from cubicfish.fit.cubic_fit import fit_cubic
+from cubicfish.fit.lenses import CubicFit
 from cubicfish.fit.prior import EXPECTED, Prior
 from cubicfish.fit.radial_reference import LOST_PX, radial_near
 from cubicfish.fit.uncertainty import (
@@ -138,17 +139,22 @@ class Knowledge:
         points = points / self.scale
         held = np.deg2rad(self.camera.max_angle_deg + _PRIOR_BEYOND_DEG)
         points = points[angle_from_axis(points) <= held]
-        _, d_point, d_lens = self.gauge.lens.pixel_and_slopes(points)
+        lens = self.gauge.lens
+        assert isinstance(lens, CubicFit)
+        # Beyond the field P may have a pole, behind which there are no slopes.
+        seen = np.isfinite(np.hstack([lens.project(points), lens.far(points)])).all(axis=1)
+        points = points[seen]
+        _, d_point, d_lens = lens.pixel_and_slopes(points)
         by_lens = d_lens.reshape(-1, d_lens.shape[2])
         length = np.median(np.linalg.norm(points, axis=-1))  # so that shifts are like turns
         moved = np.concatenate([-d_point @ cross_matrix(points), length * d_point], axis=2)
         by_pose = moved.reshape(-1, 6)
         inverse = np.linalg.inv(by_pose.T @ by_pose)
         cross = by_lens.T @ by_pose
-        lens = slice(0, by_lens.shape[1])
+        own = slice(0, by_lens.shape[1])
         hessian = np.zeros_like(self.hessian)
-        hessian[lens, lens] += by_lens.T @ by_lens - cross @ inverse @ cross.T
-        gauge = Gauge.over(self.gauge.lens, points)
+        hessian[own, own] += by_lens.T @ by_lens - cross @ inverse @ cross.T
+        gauge = Gauge.over(lens, points)
         return replace(self, hessian=hessian, gauge=gauge)
 
     def __add__(self, other: Knowledge) -> Knowledge:

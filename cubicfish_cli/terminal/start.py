@@ -56,6 +56,9 @@ def prepare_process() -> None:
     # run it waits for its turn again and again. Work is shared out by processes instead.
     for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(threads, "1")
+    # What goes wrong is told by the program, in a line.
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     # A small file that claims a huge picture is refused by OpenCV, which takes its limit when it is
     # loaded: the one of cubicfish.photos.photos.
     most = os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "200000000")

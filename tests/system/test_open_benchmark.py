@@ -240,6 +240,18 @@ def test_what_cannot_be_had_says_why(fetch, snapshots, tmp_path):
     assert "Git LFS" in fetch("lfs")[0]["cam"]
 
 
+def test_published_corners_of_several_boards_are_read(load, tmp_path):
+    """Board 4 is the target's second one, whatever its number; the target lacks board 3."""
+    prepare, grids = load("prepare"), [np.arange(6).reshape(2, 3), 6 + np.arange(6).reshape(2, 3)]
+    head = "filename: x/7.pgm\nwidth: 1280\nheight: 800\nnum_corners: 3\nencoding: ascii\n"
+    (tmp_path / "7.orpc").write_text(head + "0,4,1,10.5,20\n3,1,1,0,0\n4,5,1,30,40.25\n")
+    files, names = [tmp_path / "7.orpc"], ["board0", "board4"]
+    size, found = prepare.deltille(files, {"7": "7.pgm"}, names, grids)
+    assert size == [1280, 800]
+    assert found["7.pgm"][0].tolist() == [4, 11]
+    assert found["7.pgm"][1].tolist() == [[10.5, 20], [30, 40.25]]
+
+
 ADAPTER = """
 import os
 import numpy as np
@@ -384,10 +396,10 @@ def whole(load, tmp_path, monkeypatch):
         (folder / "bin" / "python").write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
         (folder / "bin" / "python").chmod(0o755)
 
-    def rows(*arguments):
+    def rows(*arguments, said=r"^0$"):
         given = ["--snapshots", str(tmp_path / "bare"), "--work", str(work), *arguments]
         monkeypatch.setattr(sys, "argv", ["run.py", *given])
-        with pytest.raises(SystemExit, match=r"^0$"):
+        with pytest.raises(SystemExit, match=said):
             run.main()
         with (work / "results.csv").open(newline="") as stream:
             return {(row["camera"], row["tool"]): row for row in csv.DictReader(stream)}
@@ -395,6 +407,7 @@ def whole(load, tmp_path, monkeypatch):
     return rows, work
 
 
+@pytest.mark.slow
 def test_the_whole_from_snapshots_to_a_page(whole):
     rows, work = whole
     found = rows("--tools", "cubicfish", "OpenCV fisheye")
@@ -427,6 +440,8 @@ def test_the_whole_from_snapshots_to_a_page(whole):
     page = (work / "index.html").read_text()
     assert "own/set" in page
     assert "not here: " in page
+    rows("--cameras", "heer", said="--list names all")
+    rows("--tools", "cubicfsh", said="--list names all")
     # Nothing is done again, and what there is is shown of the tools that are asked for.
     done = {file: file.stat().st_mtime_ns for file in work.glob("results/*/*/*.npz")}
     again = rows("--tools", "cubicfish", "--cameras", "h*")

@@ -43,15 +43,15 @@ def frames_of(source: str) -> Iterator[Picture]:
                 time.sleep(max(0.0, begun + float(frame.time or 0) - time.monotonic()))
                 yield frame.to_ndarray(format="bgr24")
         return
-    taken = cv2.VideoCapture(int(source) if source.isdecimal() else source)
+    here = source.isdecimal()
+    taken = cv2.VideoCapture(int(source) if here else source)
     taken.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
     try:
         there, picture = taken.read()
         if not there:
-            raise PhotoError(
-                f"camera {quoted(source)} gives no picture: is it plugged in, its address right, "
-                "and no other program using it?"
-            )
+            do = "is it plugged in, and no other program using it?"
+            do = do if here else "is its address right, and a stream or a film there?"
+            raise PhotoError(f"camera {quoted(source)} gives no picture: {do}")
         while there:
             yield np.asarray(picture, np.uint8)
             there, picture = taken.read()

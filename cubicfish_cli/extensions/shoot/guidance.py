@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -38,6 +39,8 @@ _BEYOND_DEG, _PIECES = 8.0, 6
 # Two photos show the target in the same place where corners are nearer than this share of the
 # picture's diagonal, in the median: less than half of what two steps of a hand differ by.
 _SAME_PLACE = 0.04
+# Makes one number of a corner's board, column and row.
+_ONE_NUMBER = np.array([10**8, 10**4, 1])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +50,6 @@ class Guidance:
     Attributes:
         fitted: the quick camera; None where they do not determine one.
         advice: what they leave open; None where that cannot be said.
-        problem: why there is no camera yet.
         goal_px: the uncertainty wanted over 95 % of the field.
         view: where the target should be in the next photo; None where it is enough.
         lens: that of ``view``.
@@ -56,7 +58,6 @@ class Guidance:
 
     fitted: Calibration | None = None
     advice: Advice | None = None
-    problem: Exception | None = None
     goal_px: float
     view: Viewpoint | None
     lens: RadialCamera | LimitedLens
@@ -108,7 +109,7 @@ class Guide:
         known: dict[str, Any] = {"goal_px": self.goal_px}
         count = 0 if pairs is None else len(pairs.images)
         views: Sequence[Viewpoint] = ()
-        try:
+        with suppress(CubicfishError, np.linalg.LinAlgError):  # too little for a camera
             if pairs is not None:
                 known["fitted"] = fitted = quick_camera(pairs)
                 # Other poses each time: one that a hand could not take is not asked for again.
@@ -123,8 +124,6 @@ class Guide:
                     view = None if advice.enough else [*new, *views][0]
                     lens = limited_lens(fitted.camera, _BEYOND_DEG)
                     return Guidance(view=view, lens=lens, **known)
-        except (CubicfishError, np.linalg.LinAlgError) as problem:
-            known["problem"] = problem
         views = self._first_views
         view = views[count % len(views)] if views else None
         return Guidance(view=view, lens=self._guessed, **known)
@@ -184,11 +183,14 @@ def same_place(names: npt.NDArray[np.intp], pixel: FloatArray, pairs: Observatio
     """
     if not len(pairs.pixel) or not len(names):
         return None
-    every = np.column_stack([pairs.board, pairs.column, pairs.row])
-    place = {tuple(name): at for name, at in zip(names.tolist(), pixel, strict=True)}
-    rows = [n for n, name in enumerate(every.tolist()) if tuple(name) in place]
-    own = np.array([place[tuple(every[n])] for n in rows]).reshape(-1, 2)
-    away = np.linalg.norm(pairs.pixel[rows] - own, axis=1)
+    known, every = (
+        one @ _ONE_NUMBER
+        for one in (names, np.column_stack([pairs.board, pairs.column, pairs.row]))
+    )
+    order = np.argsort(known)
+    same = order[np.minimum(np.searchsorted(known[order], every), len(order) - 1)]
+    rows = np.flatnonzero(known[same] == every)
+    away = np.linalg.norm(pairs.pixel[rows] - pixel[same[rows]], axis=1)
     near = _SAME_PLACE * float(np.hypot(*pairs.image_size))
     for photo, name in enumerate(pairs.images):
         common = away[pairs.image[rows] == photo]

@@ -79,12 +79,7 @@ class Taken:
     @property
     def remarks(self) -> str:
         """What is wrong with it, in words."""
-        return self.problem or "; ".join(map(words.flaw_words, self.flaws))
-
-    @property
-    def pixels(self) -> list[list[float]]:
-        """Where its corners are: x, y of each."""
-        return [] if self.corners is None else self.corners.pixel.round(1).tolist()
+        return self.problem or "; ".join(map(words.FLAWS.__getitem__, self.flaws))
 
 
 @dataclass(kw_only=True, eq=False)
@@ -356,7 +351,7 @@ class Shoot:
                 "ended": self._ended,
                 "shots": self._shots,
                 "live": self.camera is not None,
-                "over": words.FILM_OVER if self.camera and not self.camera.is_alive() else "",
+                "over": self._why_over(),
                 "size": guide and guide.size,
                 "last": self._last_record(),
                 "cells": said and said.cells(),
@@ -369,6 +364,12 @@ class Shoot:
                 "photos": self._photo_records(),
             }
         )
+
+    def _why_over(self) -> str:
+        camera = self.camera
+        if camera is None or camera.is_alive():
+            return ""
+        return words.OVER if camera.problem is None else render_error(camera.problem)
 
     def _last_record(self) -> dict[str, Any]:
         last = self.taken.get(self._last)

@@ -19,24 +19,20 @@ class Flaw(StrEnum):
     SAME = "same"
 
 
-_FLAWS: Mapping[Flaw, str] = {
+FLAWS: Mapping[Flaw, str] = {
     Flaw.BLURRED: "blurred beside the others: hold camera and target still",
     Flaw.FAR: "too far: go nearer, so that squares are larger in the picture",
     Flaw.CUT: "board cut off by the picture's edge: bring it in whole",
     Flaw.SAME: "same place as before: it adds little, follow the ghost board",
 }
+"""What is wrong, and what to do."""
 
 LISTENING = (
     "note: everybody in this network who has the page's address sees the pictures and can end the "
     "shoot, and nothing is encrypted: use it in a network that you trust, or leave --listen out"
 )
 TO_FINISH = "Enter finishes with these photos; Ctrl-C stops for now, and no photo is lost."
-FILM_OVER = "the film is over"
-
-
-def flaw_words(flaw: Flaw) -> str:
-    """What is wrong, and what to do."""
-    return _FLAWS[flaw]
+OVER = "the camera gives no more pictures"
 
 
 def summary(guidance: Guidance | None, photos: int, held_out_px: float | None) -> str:
@@ -44,6 +40,8 @@ def summary(guidance: Guidance | None, photos: int, held_out_px: float | None) -
     said = [plural(photos, "photo")]
     if guidance is not None and guidance.advice is not None and guidance.advice.now is not None:
         covered = guidance.advice.gaps.cells.coverage
+        if guidance.advice.photos_needed:
+            said.append(f"about {guidance.advice.photos_needed} more to take")
         said.append(
             f"± {guidance.advice.now.p95_px:.2f} px over the field (goal {guidance.goal_px:g} px)"
         )

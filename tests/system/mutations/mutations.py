@@ -193,8 +193,8 @@ MUTATIONS = tuple(
         ),
         (
             "cubicfish/sufficiency/knowledge.py",
-            "hessian[lens, lens] += by_lens.T @ by_lens - cross",
-            "hessian[lens, lens] += by_lens.T @ by_lens + cross",
+            "hessian[own, own] += by_lens.T @ by_lens - cross",
+            "hessian[own, own] += by_lens.T @ by_lens + cross",
             "cubicfish_cli/extensions/advice/test_advice",
         ),
         (

@@ -24,6 +24,7 @@ from cubicfish.judge import Code, ErrorStatistics, FieldUncertainty, FitRecord
 from cubicfish.judge.uncertainty import UncertaintyGrid, summed
 from cubicfish.judge.verdict import COVERAGE, verdict
 from cubicfish.models import angle_from_axis
+from cubicfish.models.lift import lift, sphere_basis
 from cubicfish.scene.views import Distances, sample_views, view_from
 from cubicfish.solve import Poses
 from cubicfish.solve.subset import select
@@ -95,6 +96,34 @@ def test_the_fit_comes_back_from_its_record(poor, advice):
     assert advice.now == poor.fit.uncertainty.field
     assert advice.now.p95_px == pytest.approx(np.nanpercentile(known, 95), abs=1e-5)
     assert advice.proposals[0].before.median_px == pytest.approx(advice.now.median_px, 1e-6)
+
+
+def test_each_of_several_photos_is_tried_at_once(poor):
+    knowledge = knowledge_of(poor)
+    views = sample_views(TARGET, TRUE_LENS, IMAGE_SIZE, 3)
+    added = [knowledge.of_photo(view.seen.camera[view.seen.visible]) for view in views]
+    rays = knowledge.field_rays(0.0)
+    for one, tried in zip(added, knowledge.over_with(added, rays), strict=True):
+        alone = (knowledge + one).over(rays)
+        assert tried.median_px == pytest.approx(alone.median_px, 1e-6)
+        assert tried.p95_px == pytest.approx(alone.p95_px, 1e-6)
+
+
+def test_corners_behind_a_pole_of_the_camera_say_nothing(poor):
+    knowledge = knowledge_of(poor)
+    view = sample_views(TARGET, TRUE_LENS, IMAGE_SIZE, 1)[0]
+    points = view.seen.camera[view.seen.visible]
+    lens = knowledge.gauge.lens
+    values = lift(points / np.linalg.norm(points, axis=1, keepdims=True)) @ sphere_basis()
+    one = np.linalg.lstsq(values, np.ones(len(values)), rcond=None)[0]
+    coefficients, below = lens.coefficients.copy(), values @ lens.coefficients[2]
+    coefficients[2] -= np.median(below) * one  # P3 of half of the corners is below zero
+    gauge = replace(knowledge.gauge, lens=replace(lens, coefficients=coefficients))
+    bent = replace(knowledge, gauge=gauge)
+    whole, half = bent.of_photo(points), bent.of_photo(points[below > np.median(below)])
+    assert np.isfinite(whole.hessian).all()
+    np.testing.assert_array_equal(whole.hessian, half.hessian)
+    np.testing.assert_array_equal(whole.gauge.by_turn, half.gauge.by_turn)
 
 
 @pytest.mark.slow

@@ -56,6 +56,12 @@ def test_a_shoot_in_a_browser(browser: Any, tmp_path: Path) -> None:
             "one.dispatchEvent(new Event('input'))"
         )
         assert bar.size["width"] == pytest.approx(0.5 * 100 * 96 / 25.4, rel=0.01)
+        browser.execute_script(
+            "window.tones = 0; const made = AudioContext.prototype.createOscillator;"
+            "AudioContext.prototype.createOscillator = function () {"
+            " window.tones++; return made.call(this); }"
+        )
+        assert browser.execute_script("return sound") is None  # no sound before a click
         browser.find_element("id", "begin").click()
         assert not browser.find_element("id", "finish").is_enabled()
         # Another tab is told the same, and photos that come are shown with their corners.
@@ -63,6 +69,7 @@ def test_a_shoot_in_a_browser(browser: Any, tmp_path: Path) -> None:
             shutil.copy(photo, tmp_path / "photos")
             wait_for(browser, lambda page, to=number: text(page, "summary").startswith(f"{to} ph"))
         wait_for(browser, lambda page: "set aside" in text(page, "summary"))
+        assert browser.execute_script("return [sound.state, tones]") == ["running", 6]
         assert drawn(browser, "corners").count("M") > 50
         assert drawn(browser, "dark").count("M") > 10
         assert text(browser, "next").startswith("Hold the target")

@@ -3,10 +3,14 @@
 import json
 import shutil
 import subprocess
+from contextlib import suppress
 from dataclasses import replace
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from queue import Queue
+from threading import Thread
 from typing import Any
+from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
@@ -18,6 +22,7 @@ from shooting import PHOTOS, TARGET, filmed, shooting
 from cubicfish import CubicfishError, Observations, Target, load_corners, read_picture
 from cubicfish import Run as HowDone
 from cubicfish_cli.extensions.shoot import shoot as module
+from cubicfish_cli.extensions.shoot.camera import frames_of
 from cubicfish_cli.extensions.shoot.command import ShootOptions, shoot_files
 from cubicfish_cli.extensions.shoot.guidance import Guide, held_out_px, same_place
 from cubicfish_cli.extensions.shoot.server import Page
@@ -240,7 +245,8 @@ def test_mistakes_are_told_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         (["photos", "-t", TARGET, "--listen", "0.0.0.0"], 2, "one address"),
         (["photos", "-t", TARGET, "--listen", "192.0.2.1"], 1, "is it this machine's"),
         (["photos", "-t", TARGET, "--camera", "nothing.mp4"], 1, "nothing.mp4"),
-        (["photos", "-t", TARGET, "--camera", "97"], 1, "gives no picture"),
+        (["photos", "-t", TARGET, "--camera", "97"], 1, "plugged in"),
+        (["photos", "-t", TARGET, "--camera", "http://127.0.0.1:9/"], 1, "address right"),
         (["file", "-t", TARGET], 2, "is a file"),
     ):
         found = invoke_cli("shoot", *words)
@@ -261,6 +267,46 @@ def test_a_thousand_photos_are_told_in_little(corners: Observations, tmp_path: P
     shoot.taken = {f"photo_{n:04d}.jpg": replace(one, flaws=(*Flaw,)) for n in range(1000)}
     shoot._tell()
     assert len(page.told(0, 1)[1]) + len(page.html) < 2_000_000
+
+
+class _Stream(BaseHTTPRequestHandler):
+    """Sends one photo after the other as cameras in a network do, each ten times."""
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=frame")
+        self.end_headers()
+        with suppress(OSError):
+            for photo in PHOTOS:
+                data = photo.read_bytes()
+                head = f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(data)}\r\n\r\n"
+                self.wfile.write(10 * (head.encode() + data + b"\r\n"))
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Say nothing."""
+
+
+def test_a_stream_is_a_camera() -> None:
+    with ThreadingHTTPServer(("127.0.0.1", 0), _Stream) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        frames = [*frames_of(f"http://127.0.0.1:{server.server_port}/stream")]
+        server.shutdown()
+    assert len(frames) >= 9 * len(PHOTOS)  # the end of a stream may be cut
+    for number in (0, 5):
+        away = frames[10 * number + 2].astype(float) - read_picture(PHOTOS[number])
+        assert np.abs(away).mean() < 2
+
+
+@pytest.mark.slow
+def test_it_is_served_at_the_address_that_is_named(tmp_path: Path) -> None:
+    with shooting(tmp_path, "--listen", "127.0.0.2") as running:
+        assert running.address.startswith("http://127.0.0.2:")
+        assert running.process.stdout is not None
+        assert running.process.stdout.readline().startswith("note: everybody in this network")
+        port = urlsplit(running.address).port
+        assert running.ask("GET")[0] == 200
+        assert running.ask("GET", Host=f"127.0.0.1:{port}")[0] == 403
+        assert running.ask("GET", "/")[0] == 403
 
 
 @pytest.mark.slow
