@@ -244,7 +244,7 @@ def _assess(
         marked=None if pairs.boards else MarkedPoints(),
         per_image=tuple(
             PhotoRecord(image=name, moves_px=moved)
-            for name, moved in zip(used.images, moves or [None] * len(used.images), strict=True)
+            for name, moved in zip(used.images, moves, strict=True)
         ),
     )
     return Calibration(

@@ -18,7 +18,7 @@ _MOST_ALONE = 48
 _MOST = 1000
 
 
-def photo_shifts_px(fit: CameraFit, rays: FloatArray) -> list[float]:
+def photo_shifts_px(fit: CameraFit, rays: FloatArray) -> list[float | None]:
     """How far distant points' pixels move where a photo is left out, to first order.
 
     A turn that lens and poses share does not count.
@@ -28,13 +28,12 @@ def photo_shifts_px(fit: CameraFit, rays: FloatArray) -> list[float]:
         rays: (N, 3) unit rays over the field, in the fit's frame.
 
     Returns:
-        RMS over the rays for each of M photos, pixels; none where photos or rays are too few or
-        too many.
+        RMS over the rays for each photo, pixels; None where photos or rays are too few or too many.
 
     """
     photos = np.arange(len(fit.poses))
     if not 1 < len(photos) <= _MOST or not len(rays):
-        return []
+        return [None] * len(photos)
     alone = LeaveOneOut(fit, list(photos[:, None]))
     if len(photos) <= _MOST_ALONE:
         steps = np.array([shared for shared, _, _ in alone.steps()])
