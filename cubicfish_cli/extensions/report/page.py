@@ -92,7 +92,7 @@ def report_html(facts: Facts) -> str:
         most_rows=_MOST_ROWS,
         # OpenCV's fisheye ends before 90 degrees.
         below_90=f" --max-angle {_BELOW_90}" if _reach_deg(facts) >= _BELOW_90 else "",
-        rim_deg=math.floor(0.9 * _reach_deg(facts)),
+        rim_deg=math.floor(0.9 * min(_reach_deg(facts), _BELOW_90)),
         zoom=zoom,
         empty=_list_without_corners(facts),
         # They do not speak against the camera.
