@@ -183,9 +183,10 @@ def chromium(page: Path, picture: Path, width: int, height: int) -> bool:
     if program is None:
         return False
     subprocess.run(
-        [program, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
+        [program, "--headless=new", "--no-sandbox", "--enable-unsafe-swiftshader",
+         "--hide-scrollbars", "--virtual-time-budget=20000",
          f"--window-size={width},{height}", f"--screenshot={picture}", page.as_uri()],
-        check=True, capture_output=True, timeout=120,
+        check=True, capture_output=True, timeout=600,
     )  # fmt: skip
     return True
 

@@ -19,6 +19,7 @@ from cubicfish.fit.model_selection import (
     begin,
     select_model,
 )
+from cubicfish.fit.photo_shifts import photo_shifts_px
 from cubicfish.fit.photo_spread import PhotoSpread, photo_spread
 from cubicfish.fit.prior import RADIAL
 from cubicfish.fit.radial_reference import (
@@ -28,9 +29,14 @@ from cubicfish.fit.radial_reference import (
     terms_beyond,
 )
 from cubicfish.fit.refinement import fit_nominal_target, to_the_bottom
-from cubicfish.fit.uncertainty import Uncertainty, radial_uncertainty, uncertainty_grid
+from cubicfish.fit.uncertainty import (
+    Uncertainty,
+    field_grid,
+    radial_uncertainty,
+    uncertainty_grid,
+)
 from cubicfish.judge.finding import Finding
-from cubicfish.judge.fit_record import DroppedCorner, FitRecord, MarkedPoints
+from cubicfish.judge.fit_record import DroppedCorner, FitRecord, MarkedPoints, PhotoRecord
 from cubicfish.judge.pupil import pupil_effect
 from cubicfish.judge.uncertainty import UncertaintyGrid, end_px
 from cubicfish.judge.verdict import FEWEST_OF_A_CUBIC
@@ -142,7 +148,12 @@ def calibrate(
             error = FitError(error.what, findings=found) if found else error
         raise error from failure
     used, poses = near.pairs, near.poses.of_world(origin)
-    photos = photo_records(used, near.residual, poses)
+    photos = tuple(
+        replace(photo, moves_px=known.moves_px)
+        for photo, known in zip(
+            photo_records(used, near.residual, poses), near.fit.per_image, strict=True
+        )
+    )
     return replace(
         near,
         fit=replace(near.fit, per_image=photos),
@@ -188,6 +199,8 @@ def _assess(
     camera = replace(camera, max_angle_deg=trusted)
     blind, limit = coverage.blind_angle(points), end_px(camera.image_size, goal_px)
     field, uncertainty = _find_certain_field(camera, blind, spread, limit)
+    sees = field_grid(field, blind)[2].reshape(-1, 3)
+    moves = photo_shifts_px(fit, sees[np.isfinite(sees[:, 0])])
     known_residual = np.where(used.error_known[:, None], fit.residual, np.nan)
     rim = coverage.coverage_extent(field, points, known_residual, spread.sigma_px)
     camera, poses = in_references_frame(camera, fit.poses.scaled(scale), reference.covered)
@@ -233,6 +246,10 @@ def _assess(
         unfit_images=reference.unfit,
         marked=None if pairs.boards else MarkedPoints(),
         goal_px=goal_px,
+        per_image=tuple(
+            PhotoRecord(image=name, moves_px=moved)
+            for name, moved in zip(used.images, moves, strict=True)
+        ),
     )
     return Calibration(
         camera=camera,

@@ -71,7 +71,13 @@ class PoseRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class PhotoRecord:
-    """A photo of a fit: its errors, as in :class:`ErrorStatistics`, and its pose."""
+    """A photo of a fit: its errors, as in :class:`ErrorStatistics`, and its pose.
+
+    Attributes:
+        moves_px: how far the camera would move over its field without the photo, RMS, pixels: to
+            first order, with all that the fit chose held as it is. None where it is not known.
+
+    """
 
     image: str = ""
     rms_px: float = NAN
@@ -79,6 +85,7 @@ class PhotoRecord:
     p95_px: float = NAN
     max_px: float = NAN
     corners: int = 0
+    moves_px: float | None = field(default=None, metadata=LEFT_OUT_IF_EMPTY)
     camera_from_world: PoseRecord | None = field(default=None, metadata=LEFT_OUT_IF_EMPTY)
 
 

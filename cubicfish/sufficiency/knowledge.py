@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cubicfish.angles import angle_from_axis
-from cubicfish.fit.cubic_fit import CameraFit, fit_cubic
+from cubicfish.fit.cubic_fit import fit_cubic
 from cubicfish.fit.lenses import CubicFit
 from cubicfish.fit.prior import EXPECTED, Prior
 from cubicfish.fit.radial_reference import LOST_PX, radial_near
@@ -31,7 +31,6 @@ from cubicfish.judge.fit_record import FitRecord
 from cubicfish.judge.uncertainty import FieldUncertainty, summed
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.solve.deformable_target import DeformableTarget, NominalTarget
-from cubicfish.solve.leave_one_out import LeaveOneOut
 from cubicfish.solve.poses import Poses, cross_matrix
 from cubicfish.solve.statistics import noise_px, weighed
 from cubicfish.solve.subset import middle, with_mean_weight_one, world_scale
@@ -60,7 +59,6 @@ class Knowledge:
             lens that P is held to eliminated; for corners whose noise is one pixel.
         noise_px: standard deviation of a corner's coordinate, pixels.
         scale: the target's units in one unit of the fit.
-        result: the repeated fit, of the photos that were taken.
 
     """
 
@@ -69,7 +67,6 @@ class Knowledge:
     hessian: FloatArray
     noise_px: float
     scale: float
-    result: CameraFit
 
     @classmethod
     def of(
@@ -126,7 +123,6 @@ class Knowledge:
             hessian=unanchored(result).normal.reduced_shared(),
             noise_px=corner_noise_px(result),
             scale=scale,
-            result=result,
         )
 
     def of_photo(self, points: FloatArray) -> Knowledge:
@@ -177,17 +173,6 @@ class Knowledge:
     def uncertainty(self) -> Uncertainty:
         """The covariance σ² H⁻¹."""
         return covariance(self.gauge, self.hessian, self.noise_px)
-
-    def changes_without(self, rays: FloatArray) -> FloatArray:
-        """How far the camera moves where a photo is left out: (M,) RMS over unit rays, pixels.
-
-        To first order, with all that the fit chose as it is; a common turn does not count.
-        """
-        by_lens = Gauge.over(self.gauge.lens, rays).by_lens(rays)
-        photos = list(np.arange(len(self.result.poses))[:, None])
-        steps = LeaveOneOut(self.result, photos).steps()
-        lens = np.array([shared[: by_lens.shape[1]] for shared, _, _ in steps])
-        return np.asarray(np.linalg.norm(by_lens @ lens.T, axis=0) / math.sqrt(len(rays)))
 
     def over(self, rays: FloatArray | FarSlopes) -> FieldUncertainty:
         """The uncertainty over unit rays (N, 3)."""

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cubicfish import CubicCamera, CubicfishError, build_view
+from cubicfish.judge import PhotoRecord
+from cubicfish.sufficiency import Goal
 from cubicfish.views import CentralView
 from cubicfish_cli.extensions.advice.advise import Advice, advise
 from cubicfish_cli.extensions.advice.limited_lens import limited_lens
@@ -25,6 +28,7 @@ from cubicfish_cli.words.phrases import shell_line
 _MOST_CORNERS = 4000
 _PIECES = 12  # of a board's side, which a fisheye bends
 _BEYOND_DEG = 8.0  # boards are drawn this far beyond the field
+_ACROSS = 960  # pixels of a straightened photo, at most
 _KINDS = ("perspective", "cylindrical", "equirectangular", "stereographic", "equidistant")
 _VERTEX = """#version 300 es
 void main() { gl_Position = vec4(vec2(gl_VertexID % 2, gl_VertexID / 2) * 4.0 - 1.0, 0, 1); }
@@ -32,13 +36,13 @@ void main() { gl_Position = vec4(vec2(gl_VertexID % 2, gl_VertexID / 2) * 4.0 - 
 # Each ray is what `views/view.py` has for its kind of view.
 _FRAGMENT = """
 uniform sampler2D photo;
-uniform vec2 middle, size;
 uniform float focal;
 uniform mat3 turn;
 uniform int kind;
 out vec4 colour;
 void main() {
-  vec2 f = vec2(gl_FragCoord.x - middle.x, middle.y - gl_FragCoord.y) / focal, pixel;
+  vec2 middle = shown_size / 2.0, pixel;
+  vec2 f = vec2(gl_FragCoord.x - middle.x, middle.y - gl_FragCoord.y) / focal;
   float t = length(f), pi = 3.14159266;
   bool shown = kind == 0 || kind == 3 || (kind == 4 ? t : abs(f.x)) <= pi;
   shown = shown && (kind != 2 || abs(f.y) <= pi / 2.0);
@@ -48,55 +52,41 @@ void main() {
     : kind == 3 ? vec3(f, 1.0 - t * t / 4.0)
     : vec3(t > 0.0 ? f * (sin(t) / t) : f, cos(t));
   shown = camera_project_ray(turn * ray, pixel) && shown;
-  vec2 at = (pixel + 0.5) / size;
+  vec2 at = (pixel + 0.5) / photo_size;
   colour = vec4(shown && at == clamp(at, 0.0, 1.0) ? texture(photo, at).rgb : vec3(0), 1);
 }
 """
 
 
-@dataclass(frozen=True, kw_only=True)
-class Changes:
-    """What other photos would change.
-
-    Attributes:
-        moved_px: how far the camera moves without a photo, by its name; see
-            :meth:`~cubicfish.sufficiency.knowledge.Knowledge.changes_without`.
-        others_px: RMS error of the other photos, by its name.
-        next_ones: the photos to take next, drawn.
-
-    """
-
-    moved_px: Mapping[str, float]
-    others_px: Mapping[str, float]
-    next_ones: Mapping[str, page.Drawn]
+def enough(facts: Facts) -> bool:
+    """Return whether no more photos are needed."""
+    return not Goal.of(facts.fit, facts.camera.image_size).explain_unmet(facts.known.verdict)
 
 
-def work_out_changes(facts: Facts) -> Changes:
-    """Work out what other photos would change; nothing where that is not known."""
+def next_photos(facts: Facts) -> dict[str, page.Drawn]:
+    """Draw the photos to take next, by their names; none where none is needed or known."""
     errors, camera, known = facts.errors, facts.camera, facts.known
-    none = Changes(moved_px={}, others_px={}, next_ones={})
     if errors is None or not isinstance(camera, CubicCamera):
-        return none
-    pairs, square = errors.pairs, np.square(errors.length)
-    if len(pairs.pixel) > _MOST_CORNERS or len(pairs.images) < 2:
-        return none
+        return {}
+    if enough(facts) or len(errors.pairs.pixel) > _MOST_CORNERS or len(errors.pairs.images) < 2:
+        return {}
     try:
-        advice = advise(known, pairs, facts.target, count=False)  # type: ignore[arg-type]
+        advice = advise(known, errors.pairs, facts.target, count=False)  # type: ignore[arg-type]
     except (CubicfishError, np.linalg.LinAlgError):  # of records that fit nothing
-        return none
-    moved: dict[str, float] = {}
-    if advice.knowledge is not None:
-        rays = advice.knowledge.field_rays(advice.gaps.cells.blind)
-        changes = advice.knowledge.changes_without(rays).tolist()
-        moved = dict(zip(pairs.images, changes, strict=True))
-    own, count = np.bincount(pairs.image, square), np.bincount(pairs.image)
-    others = np.sqrt((square.sum() - own) / (count.sum() - count)).tolist()
+        return {}
     drawn = (_draw_next(facts, advice, *one) for one in enumerate(advice.proposals, start=1))
-    return Changes(
-        moved_px=moved,
-        others_px=dict(zip(pairs.images, others, strict=True)),
-        next_ones={one.name: one for one in drawn},
-    )
+    return {one.name: one for one in drawn}
+
+
+def others_px(photos: Sequence[PhotoRecord]) -> dict[str, float]:
+    """RMS error of the others, by each photo's name, pixels; NaN where there are none."""
+    square = {one.image: one.corners * np.nan_to_num(one.rms_px) ** 2 for one in photos}
+    total, corners = sum(square.values()), sum(one.corners for one in photos)
+    others = {one.image: max(corners - one.corners, 0) for one in photos}
+    return {
+        name: math.sqrt(max(total - square[name], 0.0) / count) if count else math.nan
+        for name, count in others.items()
+    }
 
 
 def _draw_next(facts: Facts, advice: Advice, number: int, proposal: Proposal) -> page.Drawn:
@@ -142,7 +132,7 @@ def live_view(facts: Facts, photo: str) -> dict[str, Any] | None:
         vertex, fragment: the shader's source
         kinds: of view, as the shader counts them
         fields: how wide inner and outer are in each, degrees
-        size: (width, height) of the camera's photos
+        size: (width, height) of the picture
         start: how wide a picture is first, degrees
         command: what straightens the photo, but for its view
 
@@ -161,12 +151,15 @@ def live_view(facts: Facts, photo: str) -> dict[str, Any] | None:
         ends = (max(1 / one, plain.least_focal) for one in (shares.min(), shares.max()))
         fields[kind] = [round(replace(plain, focal=end).hfov_deg, 1) for end in ends]
     glsl = source_text(facts.known, "glsl", "camera")  # type: ignore[arg-type]
+    (width, height), across = camera.image_size, min(camera.image_size[0], _ACROSS)
+    size = across, round(across * height / width)
+    sizes = f"const vec2 photo_size = vec2({width}, {height}), shown_size = vec2{size};"
     return {
         "vertex": _VERTEX,
-        "fragment": f"#version 300 es\nprecision highp float;\n{glsl}{_FRAGMENT}",
+        "fragment": f"#version 300 es\nprecision highp float;\n{glsl}{sizes}{_FRAGMENT}",
         "kinds": _KINDS,
         "fields": fields,
-        "size": camera.image_size,
+        "size": size,
         "start": build_view(camera).hfov_deg,
         "command": shell_line(
             "cubicfish", "undistort", Path(photo), "flat.jpg", "--model", "camera.yaml"

@@ -1,7 +1,5 @@
 """The figures of a page: the corners' places and errors, and the lens."""
 
-import math
-
 import numpy as np
 
 from cubicfish import CubicCamera, FloatArray, aligned_difference
@@ -58,10 +56,7 @@ def coverage_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
         own = shown[pairs.board[shown] == index] if len(boards) > 1 else shown
         plot.dots(pixel[own], colour, 2.2)
         keys.append(page.Key(kind="dot", colour=colour, text=board))
-    share = facts.fit.coverage
-    caption = f"Corners cover {100 * share:.0f} % of the field." if math.isfinite(share) else ""
-    if empty:
-        caption += " Nothing has been checked where there are no corners."
+    caption = "Nothing has been checked where there are no corners." if empty else ""
     draw_outline(plot, facts)
     return page.finished(
         plot,

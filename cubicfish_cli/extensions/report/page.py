@@ -14,7 +14,7 @@ import numpy as np
 
 from cubicfish import CubicCamera, Verdict
 from cubicfish.judge import Severity
-from cubicfish_cli.extensions.report.acting import live_view, work_out_changes
+from cubicfish_cli.extensions.report.acting import enough, live_view, next_photos, others_px
 from cubicfish_cli.extensions.report.figures import all_figures, arrow_zoom
 from cubicfish_cli.extensions.report.pictures import MOST_CARDS, all_pictures
 from cubicfish_cli.extensions.report.scene import scene_figures
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 _MOST_DROPPED = 200
 _MOST_ROWS = 5000
+_BELOW_90 = 89
 _POINT_ABSENT = (
     "A point-lift camera has no rays: errors by angle, the lens's profile, uncertainty, coverage "
     "and an undistorted example do not exist for it."
@@ -48,12 +49,13 @@ def report_html(facts: Facts) -> str:
 
     The same facts give the same page, to the byte.
     """
-    changes, (in_space, scene) = work_out_changes(facts), scene_figures(facts)
-    figures = {**all_figures(facts), **in_space, **changes.next_ones}
+    next_ones, (in_space, scene) = next_photos(facts), scene_figures(facts)
+    figures = {**all_figures(facts), **in_space, **next_ones}
     zoom = arrow_zoom(facts, facts.errors) if facts.errors else 1.0
     pictures = all_pictures(facts, zoom)
     absent = [*facts.absent, *pictures.problems]
-    if not isinstance(facts.camera, CubicCamera):
+    is_ray = isinstance(facts.camera, CubicCamera)
+    if not is_ray:
         absent.append(_POINT_ABSENT)
     names = [photo.image for photo in facts.photos]
     origin, shown = facts.known.origin, pictures.example
@@ -66,8 +68,10 @@ def report_html(facts: Facts) -> str:
             "scene": scene,
             "view": live_view(facts, shown.name) if shown else None,
         },
-        next_ones=list(changes.next_ones),
-        changes=changes,
+        next_ones=list(next_ones),
+        others_px=others_px(facts.photos),
+        enough=enough(facts),
+        tells_moves=any(photo.moves_px is not None for photo in facts.photos),
         quoted=shell_line,
         facts=facts,
         known=facts.known,
@@ -77,7 +81,7 @@ def report_html(facts: Facts) -> str:
         verdict=facts.known.verdict,
         words=Verdict.WORDS,
         render=render,
-        is_ray=isinstance(facts.camera, CubicCamera),
+        is_ray=is_ray,
         figures=figures,
         tiles=_make_tiles(facts),
         pictures=pictures,
@@ -86,6 +90,9 @@ def report_html(facts: Facts) -> str:
         cards=[name for name, copies in pictures.photos.items() if copies.card is not None],
         most_cards=MOST_CARDS,
         most_rows=_MOST_ROWS,
+        # OpenCV's fisheye ends before 90 degrees.
+        below_90=f" --max-angle {_BELOW_90}" if _reach_deg(facts) >= _BELOW_90 else "",
+        rim_deg=math.floor(0.9 * min(_reach_deg(facts), _BELOW_90)),
         zoom=zoom,
         empty=_list_without_corners(facts),
         # They do not speak against the camera.
@@ -112,10 +119,16 @@ def _make_tiles(facts: Facts) -> list[tuple[str, str, str]]:
         if math.isfinite(value)
     ]
     for name, value, unit, meaning in in_words.scope(facts.known):
-        tiles.append((name.capitalize(), f"{value} {unit}".replace(" °", "°"), meaning))
+        if name != "coverage":  # the verdict has it
+            tiles.append((name.capitalize(), f"{value} {unit}".replace(" °", "°"), meaning))
     if fit.rank and not isinstance(facts.camera, CubicCamera):
         tiles.append(("Rank", f"{fit.rank} of 20", "what the corners determine of P"))
     return tiles
+
+
+def _reach_deg(facts: Facts) -> float:
+    """Return the angle from the axis that the camera reaches, degrees; 0 for one without rays."""
+    return facts.camera.max_angle_deg if isinstance(facts.camera, CubicCamera) else 0.0
 
 
 def _list_boards(facts: Facts) -> dict[str, str]:

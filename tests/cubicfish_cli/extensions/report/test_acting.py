@@ -25,7 +25,7 @@ from cubicfish import (
     calibrate,
     load_corners,
 )
-from cubicfish_cli.extensions.report.acting import work_out_changes
+from cubicfish_cli.extensions.report.acting import others_px
 from cubicfish_cli.extensions.report.page import report_html
 from cubicfish_cli.inputs.calibration_facts import Facts, facts_of_fit
 
@@ -53,8 +53,8 @@ def test_what_leaving_a_photo_out_changes_is_nearly_what_a_refit_says(pairs: Obs
         return calibrate(corners, target, refine_target="off", hold_out=False)
 
     whole, every = fit([*range(10)]), range(0, 10, 2)
-    changes = work_out_changes(facts_of_fit(whole, noisy, []))
-    assert [*changes.moved_px] == [*changes.others_px] == list(pairs.images)
+    others = others_px(whole.fit.per_image)
+    assert [*others] == list(pairs.images)
     pixel = np.stack(np.meshgrid(*(np.linspace(0, one - 1, 13) for one in (960, 720))), axis=-1)
     rays = whole.camera.unproject(pixel.reshape(-1, 2))
     rays = rays[np.isfinite(rays[:, 0])]
@@ -63,8 +63,8 @@ def test_what_leaving_a_photo_out_changes_is_nearly_what_a_refit_says(pairs: Obs
         refit, name = fit([one for one in range(10) if one != photo]), pairs.images[photo]
         change, _ = aligned_difference(refit.camera, whole.camera, rays)
         rms = float(np.sqrt(np.nanmean(np.square(change).sum(axis=1))))
-        ratios.append(changes.moved_px[name] / rms)
-        assert changes.others_px[name] == pytest.approx(refit.fit.rms_px, rel=0.02)
+        ratios.append((whole.fit.per_image[photo].moves_px or 0.0) / rms)
+        assert others[name] == pytest.approx(refit.fit.rms_px, rel=0.02)
     assert np.median(ratios) == pytest.approx(1, abs=0.1)
     assert all(0.6 < one < 1.6 for one in ratios)
 
@@ -144,7 +144,7 @@ def test_photos_sort_and_are_left_out(opened: Any, facts: Facts) -> None:
     boxes = find(browser, "#rows input")
     for box in (boxes[2], boxes[5]):
         box.click()
-    moved = work_out_changes(facts).moved_px
+    moved = {photo.image: photo.moves_px for photo in facts.photos}
     said = [line.text for line in find(browser, "#without li")]
     assert len(said) == 2
     for line, name in zip(said, (names[2], names[5]), strict=True):

@@ -224,7 +224,8 @@ def test_what_is_wrong_comes_first_and_corners_of_another_fit_are_not_drawn(
 
 
 def test_before_and_after_stand_beside_the_verdict(page: Page, html: str) -> None:
-    top = html[html.index('<section id="verdict"') : html.index('<section id="use"')]
+    start = html.index('<section id="verdict"')
+    top = html[start : html.index("</section>", start)]
     assert top.count("<img src=") == 2
     assert html.count("Before and after:") == 1
     known = re.findall(r"<dt>([^<]*)</dt><dd>([^<]*)</dd>", top)
