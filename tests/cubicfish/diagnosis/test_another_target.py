@@ -46,7 +46,7 @@ def test_one_grid_in_all_photos_that_is_no_board(size):
     verdict = Decided.TOO_LARGE if max(size) > 9 else Decided.SLIDE
     (said,) = nothing_named(grid_evidence(identified(*[(report(size, verdict),)] * 5), LARGE))
     assert said.code == Code.ANOTHER_TARGET
-    assert said.figures["seen"] == f"{max(size)}x{min(size)} (in 5)"
+    assert said.figures["seen"] == f"{max(size)}x{min(size)}"
 
 
 def test_parts_of_boards_are_not_another_object():
@@ -79,7 +79,7 @@ def test_a_lone_board_that_is_off_by_more_than_a_line_is_another_one(size, wrong
     assert len(found) == wrong
     for said in found:
         assert said.code == Code.ANOTHER_TARGET
-        assert said.figures["seen"] == f"{size[0]}x{size[1]} (in 3)"
+        assert said.figures["seen"] == f"{size[0]}x{size[1]}"
 
 
 def test_few_names_among_grids_that_are_too_large():

@@ -174,7 +174,7 @@ def test_a_photo_of_a_larger_board_says_so_without_counting_strays():
     assert identified.grids[0][0].verdict is Decided.TOO_LARGE
     assert identified.grids[0][0].size == (12, 8)
     (reported,) = nothing_named(grid_evidence(identified, target))
-    assert reported.figures["seen"] == "12x8 (in 2)"
+    assert reported.figures["seen"] == "12x8"
 
 
 def shifted_by_a_line(own: Grid) -> tuple[Grid, np.ndarray, tuple[int, int]] | None:
