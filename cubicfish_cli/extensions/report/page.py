@@ -119,8 +119,7 @@ def _make_tiles(facts: Facts) -> list[tuple[str, str, str]]:
         if math.isfinite(value)
     ]
     for name, value, unit, meaning in in_words.scope(facts.known):
-        if name != "coverage":  # the verdict has it
-            tiles.append((name.capitalize(), f"{value} {unit}".replace(" °", "°"), meaning))
+        tiles.append((name.capitalize(), f"{value} {unit}".replace(" °", "°"), meaning))
     if fit.rank and not isinstance(facts.camera, CubicCamera):
         tiles.append(("Rank", f"{fit.rank} of 20", "what the corners determine of P"))
     return tiles
