@@ -362,19 +362,30 @@ def repeated_shots(evidence: RigEvidence) -> list[Finding]:
     if evidence.is_one_place:
         figures = {"shots": len(shots), "near": NEAR_SHARE}
         return [Finding(code=Code.ONE_PLACE, case="shots", severity=Severity.CARE, figures=figures)]
-    distinct, first = np.unique(places, return_index=True)
-    if len(distinct) == len(shots):
+    _, first = np.unique(places, return_index=True)
+    lens = evidence.lens
+    seen_by = np.zeros((len(lens.lenses), len(shots)), bool)
+    seen_by[lens.camera, lens.shot] = True
+    # What two cameras see apart may be one moment; a camera that sees it twice learns nothing new.
+    twice = (seen_by & seen_by[:, first[places]]).any(axis=0)
+    again = np.flatnonzero(twice & (first[places] != np.arange(len(shots))))
+    if not len(again):
         return []
-    again = np.flatnonzero(first[places] != np.arange(len(shots)))
-    same = [f"{shots[first[places[shot]]]} = {shots[shot]}" for shot in again.tolist()]
-    few = 2 * len(distinct) <= len(shots) or len(distinct) < MIN_PHOTOS
+    before = first[places[again]]
+    distinct = len(shots) - len(again)
+    few = 2 * distinct <= len(shots) or distinct < MIN_PHOTOS
+    pairs = zip(before.tolist(), again.tolist(), strict=True)
     return [
         Finding(
             code=Code.REPEATS,
             case="shots",
             severity=Severity.CARE if few else Severity.NOTE,
-            shots=tuple(np.array(shots)[np.bincount(places)[places] > 1].tolist()),
-            figures={"shots": len(shots), "distinct": len(distinct), "repeats": same},
+            shots=tuple(np.array(shots)[np.union1d(before, again)].tolist()),
+            figures={
+                "shots": len(shots),
+                "distinct": distinct,
+                "repeats": [f"{shots[one]} = {shots[other]}" for one, other in pairs],
+            },
         )
     ]
 

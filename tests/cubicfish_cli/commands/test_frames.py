@@ -18,6 +18,7 @@ from running import Run
 from cubicfish import load_camera
 from cubicfish.files import FrameName
 from cubicfish.observe import glances
+from cubicfish_cli.films import scan
 
 pytestmark = pytest.mark.slow
 
@@ -94,7 +95,7 @@ def two_boards(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (
             "frames",
             "5x3",
-            "photos show grids of 7x5 inner corners, but the target has one board of",
+            "photos show grids of 7x5 (in 24) inner corners, but the target has one board of",
         ),
     ],
 )
@@ -147,6 +148,7 @@ def test_of_a_run_that_was_interrupted_nothing_is_left(
 
     with monkeypatch.context() as patch:
         patch.setattr(glances, "_quick_detect", stop)
+        patch.setattr(scan, "_MOST_HELD", 0)  # frames are in files
         run("frames", short, "-o", tmp_path / "p", "-j", 1, code=130)
     assert not (tmp_path / "p").exists()
     killed = tmp_path / "p" / ".unfinished" / "short" / "7.png"

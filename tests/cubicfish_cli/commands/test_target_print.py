@@ -141,10 +141,14 @@ def test_the_print_is_what_the_renderer_draws(run: Run, tmp_path: Path, board_ty
     # Pixels on a side are grey; none other differs.
     sure = cv2.erode(ink.astype(np.uint8), np.ones((3, 3))) == 1
     blank = cv2.dilate(ink.astype(np.uint8), np.ones((3, 3))) == 0
+    face, white = board_face(board, margin=0.0), quiet_zone(board)
+    # The ruler along y has its place in the white, at 1.6 mm and more from the board.
+    x = (np.arange(picture.shape[1]) + 0.5) / 150 * INCH - page.shift[0]
+    blank &= (x > face.lower[0] - 1.5) & (x < face.upper[0] + 1.5)
     assert sure[rows].mean() > 0.15
     assert (picture[rows][sure[rows]] == 0).all()  # no white hair between black and black
     assert (picture[rows][blank[rows]] == 255).all()
-    assert top - page.shift[1] - board_face(board, margin=0.0).upper[1] >= quiet_zone(board) - 1e-6
+    assert top - page.shift[1] - face.upper[1] >= white - 1e-6
 
 
 @pytest.mark.slow
