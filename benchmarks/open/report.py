@@ -85,14 +85,17 @@ def row_of(folder, count):
 
 
 def add_angles(rows, order):
-    """Errors and recall by angle. A corner's angle is the median of what all lenses say.
+    """Errors and recall by angle. A corner's angle is the median of what the best lenses say.
 
-    ``order``: where each corner of the table is among those held out.
+    Lenses that are more than twice as far off as the best have no say. ``order``: where each corner
+    of the table is among those held out.
     """
     whole = [r for r in rows.values() if "arrays" in r and len(r["arrays"]["px"]) == len(order)]
     if not whole:
         return
-    angle = np.median([row["arrays"]["angle"] for row in whole], axis=0)
+    limit = 2 * min(row["px_median"] for row in whole)
+    near = [row["arrays"]["angle"] for row in whole if row["px_median"] <= limit]
+    angle = np.median(near, axis=0)
     for low in BINS:
         inside, name = (angle >= low) & (angle < low + STEP), f"{low}_{low + STEP}"
         if inside.sum() < ENOUGH:
