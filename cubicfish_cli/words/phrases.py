@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from cubicfish import listed
 from cubicfish.files import FrameName
 from cubicfish.target import MILLIMETRES
 
@@ -60,6 +61,13 @@ def counted(photos: Iterable[str]) -> str:
     if single or not films:
         parts.append(plural(single, "photo"))
     return " and ".join(parts)
+
+
+def near_duplicates(repeats: Sequence[str]) -> str:
+    """Say which photos or shots repeat which, of pairs such as ``01.jpg = 07.jpg``."""
+    pairs = [one.split(" = ") for one in repeats]
+    alike = [f"{copy} is a near-duplicate of {first}" for first, copy in pairs]
+    return listed(alike, "near-duplicates")
 
 
 def length_words(length: float, units: str) -> str:

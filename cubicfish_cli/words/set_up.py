@@ -6,7 +6,14 @@ from typing import Any, Literal
 from cubicfish import listed
 from cubicfish.judge import Code
 from cubicfish.judge import FindingText as Said
-from cubicfish_cli.words.phrases import length_words, percent, pick, plural, whole
+from cubicfish_cli.words.phrases import (
+    length_words,
+    near_duplicates,
+    percent,
+    pick,
+    plural,
+    whole,
+)
 from cubicfish_cli.words.table import Words
 
 Names = Sequence[str]
@@ -603,10 +610,8 @@ def _photo_lens_left_out(images: Names, others: int, noise_px: float) -> Said:
 
 @WORDS.finding(Code.REPEATS)
 def _repeats(photos: int, distinct: int, repeats: Names) -> Said:
-    pairs = [one.split(" = ") for one in repeats]
-    alike = [f"{copy} is a near-duplicate of {first}" for first, copy in pairs]
     return Said(
-        f"{listed(alike, 'near-duplicates')}",
+        near_duplicates(repeats),
         f"{plural(photos, 'photo')}, {distinct} different; the held-out error leaves "
         "near-duplicates out together",
         "take photos from other places instead",

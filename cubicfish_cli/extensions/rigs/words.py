@@ -7,7 +7,7 @@ from typing import Any, Literal
 from cubicfish import Event, Rig, listed
 from cubicfish.judge import Code
 from cubicfish.judge import FindingText as Said
-from cubicfish_cli.words.phrases import pick, plural, whole
+from cubicfish_cli.words.phrases import near_duplicates, pick, plural, whole
 from cubicfish_cli.words.sentences import with_text, with_texts
 from cubicfish_cli.words.table import Words
 
@@ -151,10 +151,8 @@ def _few_common_shots(cameras: Names, shots: float, wanted: float) -> Said:
 
 @WORDS.finding(Code.REPEATS, "shots")
 def _repeated_shots(shots: int, distinct: int, repeats: Names) -> Said:
-    pairs = [one.split(" = ") for one in repeats]
-    alike = [f"{copy} is a near-duplicate of {first}" for first, copy in pairs]
     return Said(
-        f"shot {listed(alike, 'near-duplicates')}",
+        f"shot {near_duplicates(repeats)}",
         f"{plural(shots, 'shot')}, {distinct} different; the held-out error leaves near-duplicates "
         "out together",
         "move the rig or the target between shots; of a recording take fewer",
