@@ -79,23 +79,25 @@ def proposed(
     count: bool = True,
 ) -> tuple[tuple[Proposal, ...], int | None]:
     """Choose the next photos, and count how many of them reach the goal, if that is wanted."""
-    added = [knowledge.of_photo(view.seen.camera[view.seen.visible]) for view in views]
+    added = knowledge.of_photos([view.seen.camera[view.seen.visible] for view in views])
     filled = np.array([_find_filled(view, gaps) for view in views])
     empty, squares = gaps.cells.empty, max(gaps.cells.field.sum(), 1)
     chosen: list[Proposal] = []
-    # The same photo twice would say little new about a real lens and a real target.
-    taken = np.zeros(len(views), bool)
+    kept = np.arange(len(views))
     state, level = knowledge, knowledge.over(rays)
     needed = None
-    while len(chosen) < MOST_PHOTOS and not taken.all():
-        sums = state.over_with(added, rays)
-        fill = (filled & empty).sum(axis=(1, 2)) / squares
+    while len(chosen) < MOST_PHOTOS and len(kept):
+        sums = state.over_with([added[one] for one in kept], rays)
+        fill = (filled[kept] & empty).sum(axis=(1, 2)) / squares
         left = np.array([_measure_left(after, level) for after in sums])
-        best = int(np.argmin(np.where(taken, np.inf, left - fill)))
-        chosen.append(Proposal(view=views[best], before=level, after=sums[best]))
-        state, level = state + added[best], sums[best]
+        order = np.argsort(left - fill)
+        best = kept[order[0]]
+        chosen.append(Proposal(view=views[best], before=level, after=sums[order[0]]))
+        state, level = state + added[best], chosen[-1].after
         empty &= ~filled[best]
-        taken[best] = True
+        # The same photo twice would say little new about a real lens and a real target. What is
+        # worse than half of them will not be the best of the next round.
+        kept = kept[order[1 : 1 + max(len(order) // 2, MOST_PHOTOS)]]
         covered = 1 - empty.sum() / squares >= goal.coverage
         if needed is None and level.p95_px <= goal.p95_px and covered:
             needed = len(chosen)
