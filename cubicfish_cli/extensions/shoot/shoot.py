@@ -50,6 +50,8 @@ _ON_ITS_WAY_SECONDS = 5.0
 _AT_A_TIME, _FEW = 32, 3
 _SHOWN_PIXELS, _QUALITY = 1280, 80
 _ASIDE = 5  # one photo of so many is set aside
+# Whether the corners have the right names is told by so many photos: a wrong target fits none.
+_CHECKED = 3
 _FAR_PX = 12.0  # squares below this many pixels are hard to find
 _CUT_SQUARES = 1.5  # a board that ends so near to the picture's edge may go on beyond it
 _Stamp = tuple[int, int]
@@ -121,6 +123,7 @@ class Shoot:
     _waiting: dict[Path, _Stamp | None] = field(default_factory=dict)
     _last: str = ""
     _shots: int = 0
+    _checked: set[str] = field(default_factory=set)
     _ended: dict[str, Any] = field(default_factory=dict)
     _next_look: float = 0.0
 
@@ -151,6 +154,7 @@ class Shoot:
                 asked = self.asked.get(timeout=_POLL_SECONDS)
             except Empty:
                 asked = {}
+                self._check()
 
     def do(self, asked: Mapping[str, Any]) -> bool:
         """Do what the user asks for; False where that is the end."""
@@ -195,6 +199,18 @@ class Shoot:
             self._show(part[-1])
             self._enter(self._search(part, closely=few))
 
+    def _check(self) -> None:
+        """Try what may be wrong with the target, which takes long, while nobody waits."""
+        seen = [one.path for one in self.taken.values() if one.corners is not None]
+        path = next((one for one in seen if one.name not in self._checked), None)
+        if path is None or len(self._checked) >= _CHECKED:
+            return
+        self._checked.add(path.name)
+        found = self._search([Photo(name=path.name, path=path)], closely=False, faults=True)
+        if found and found[0].corners is None:
+            self._enter(found)
+            self._follow()
+
     def _enter(self, found: Sequence[Taken]) -> None:
         """Keep what is known of photos, in the order of their names, and say it."""
         for one in found:
@@ -217,11 +233,13 @@ class Shoot:
             self._last, self._shots = photo.name, self._shots + 1
             self._tell()
 
-    def _search(self, photos: Sequence[Photo], *, closely: bool) -> list[Taken]:
+    def _search(
+        self, photos: Sequence[Photo], *, closely: bool, faults: bool = False
+    ) -> list[Taken]:
         """What photos show, and what is wrong with each; of those that are whole."""
         reports, corners, why = list[PhotoReport | None](), None, ""
         try:
-            found = detect(photos, self.targets, self.run, again=False)
+            found = detect(photos, self.targets, self.run, again=False, faults=faults)
             reports, corners = [*found.photos], found.corners
             unreadable = [one.refusal for one in found.photos if one.refusal is not None]
         except DetectionError as problem:
@@ -292,7 +310,8 @@ class Shoot:
         if self._guide is not None:
             self.guidance, self._held_out = self._guide.after(pairs), None
             self._tell()
-        if pairs is not None:
+        if self.guidance is not None and self.guidance.pairs is not None:
+            pairs = self.guidance.pairs
             aside = np.isin(pairs.images, [*self.taken][_ASIDE - 1 :: _ASIDE])
             self._held_out = held_out_px(pairs, np.flatnonzero(aside))
             held = None if self._held_out is None else self._held_out[0]
@@ -381,8 +400,7 @@ class Shoot:
         }
 
     def _photo_records(self) -> list[dict[str, Any]]:
-        fitted = self.guidance.fitted if self.guidance else None
-        errors = {one.image: one.rms_px for one in fitted.fit.per_image} if fitted else {}
+        errors = self.guidance.errors if self.guidance else {}
         _, held = self._held_out or (None, {})
         return [
             {
