@@ -83,21 +83,23 @@ def proposed(
     filled = np.array([_find_filled(view, gaps) for view in views])
     empty, squares = gaps.cells.empty, max(gaps.cells.field.sum(), 1)
     chosen: list[Proposal] = []
-    kept = np.arange(len(views))
+    tried, score = np.arange(len(views)), np.zeros(len(views))
     state, level = knowledge, knowledge.over(rays)
     needed = None
-    while len(chosen) < MOST_PHOTOS and len(kept):
-        sums = state.over_with([added[one] for one in kept], rays)
-        fill = (filled[kept] & empty).sum(axis=(1, 2)) / squares
+    while len(chosen) < min(MOST_PHOTOS, len(views)):
+        sums = state.over_with([added[one] for one in tried], rays)
+        fill = (filled[tried] & empty).sum(axis=(1, 2)) / squares
         left = np.array([_measure_left(after, level) for after in sums])
-        order = np.argsort(left - fill)
-        best = kept[order[0]]
-        chosen.append(Proposal(view=views[best], before=level, after=sums[order[0]]))
-        state, level = state + added[best], chosen[-1].after
+        score[tried] = left - fill
+        first = int(np.argmin(score[tried]))
+        best, after = tried[first], sums[first]
+        chosen.append(Proposal(view=views[best], before=level, after=after))
+        state, level = state + added[best], after
         empty &= ~filled[best]
-        # The same photo twice would say little new about a real lens and a real target. What is
-        # worse than half of them will not be the best of the next round.
-        kept = kept[order[1 : 1 + max(len(order) // 2, MOST_PHOTOS)]]
+        # The same photo twice would say little new about a real lens and a real target.
+        score[best] = np.inf
+        # Beside more photos a photo adds less: those that added least before are not the next.
+        tried = np.argsort(score)[: min(max(len(views) // 2, 1), len(views) - len(chosen))]
         covered = 1 - empty.sum() / squares >= goal.coverage
         if needed is None and level.p95_px <= goal.p95_px and covered:
             needed = len(chosen)
