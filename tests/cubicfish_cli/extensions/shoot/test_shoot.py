@@ -150,6 +150,21 @@ def test_photos_set_aside_are_measured_by_a_camera_of_the_others(corners: Observ
     assert held_out_px(corners.of_photos(np.array([0])), np.array([0])) is None
 
 
+def test_the_pose_is_said_before_the_error_is_measured(
+    corners: Observations, tmp_path: Path
+) -> None:
+    said = list[str]()
+    shoot = shoot_in(tmp_path, say=said.append, taken=taken(tmp_path, corners, 5))
+    shoot._begin(corners.image_size)
+    shoot._follow()
+    assert len(said) == 1
+    assert said[0].startswith(("Hold the target", "Enough"))
+    assert "set aside" not in shoot._summary()
+    shoot._use_pause()
+    assert "set aside" in said[1]
+    assert shoot._photo_records()[4]["held"] > 0
+
+
 def test_what_is_wrong_with_a_photo_is_seen(corners: Observations, tmp_path: Path) -> None:
     shoot = shoot_in(tmp_path)
     shoot.taken = {
