@@ -486,11 +486,12 @@ def _has_pages(data: bytes) -> bool:
     order = {b"II*\0": "<", b"MM\0*": ">"}.get(data[:4])
     if order is None:
         return False
-    sizes, (start,) = [], struct.unpack_from(order + "I", data, 4)
+    sizes: list[tuple[int | None, ...]] = []
     try:
+        (start,) = struct.unpack_from(order + "I", data, 4)
         while start and len(sizes) < 2:
             (count,) = struct.unpack_from(order + "H", data, start)
-            tags = {}
+            tags: dict[int, int] = {}
             for entry in range(start + 2, start + 2 + 12 * count, 12):
                 tag, kind, _, value = struct.unpack_from(order + "HHII", data, entry)
                 is_short = kind == 3
