@@ -21,7 +21,8 @@ def median(values: npt.NDArray[np.floating]) -> float:
     return float(above if odd else 0.5 * (inorder[:middle].max() + above))
 
 
-def row_medians(values: FloatArray) -> FloatArray:
-    """Medians (N, ...) along the second axis of (N, K, ...) values, K at least 1; none is NaN."""
-    inorder, count = np.sort(values, axis=1), values.shape[1]
-    return np.asarray(0.5 * (inorder[:, (count - 1) // 2] + inorder[:, count // 2]), float)
+def medians(values: npt.NDArray[np.floating], axis: int) -> FloatArray:
+    """Medians along an axis that has at least one place; none of the values may be NaN."""
+    inorder, count = np.sort(values, axis=axis), values.shape[axis]
+    low, high = (inorder.take(place, axis=axis) for place in ((count - 1) // 2, count // 2))
+    return np.asarray(0.5 * (low + high), float)
