@@ -10,10 +10,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish.diagnosis.photo_lenses import BY_CHANCE, photo_lenses, unlike
+from cubicfish.diagnosis.photo_lenses import (
+    BY_CHANCE,
+    ROUGH_DECREASE,
+    lenses_of,
+    photo_lenses,
+    unlike,
+)
 from cubicfish.diagnosis.two_lenses import best_split
 from cubicfish.fit.calibration import FitEvidence
-from cubicfish.fit.cubic_fit import CameraFit
+from cubicfish.fit.cubic_fit import CameraFit, fit_cubic
 from cubicfish.fit.radial_reference import refit_radial
 from cubicfish.fit.start import fit_poses
 from cubicfish.judge.codes import Code, Severity
@@ -81,42 +87,50 @@ def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:
         return []
     if target := nominal.refined(fit.world):
         every = renamed(every, target, nominal.renamed).with_target(target)
-    pairs, camera = every.with_world(every.world / nominal.scale), reference.camera
-    way = np.zeros(len(pairs.images), np.intp)
+    scaled = every.with_world(every.world / nominal.scale)
+    saved, pairs, _ = fit_poses(reference.camera, scaled)
+    way, before = np.zeros(len(pairs.images), np.intp), None
     for _ in range(_ROUNDS):
-        start, pairs, placed = fit_poses(camera, pairs)
-        if start is None:
+        if saved is None:
             return []
-        before = way[placed]
-        for decrease in (_ROUGHLY, _EXACTLY):
-            tried = [_see(start, pairs, one, decrease) for one in range(len(_WAYS))]
-            square = np.stack(
-                [noise_by_photo(pairs.image, one.residual, len(placed)) ** 2 for one in tried]
-            )
-            way = np.where(square.min(axis=0) < _HALF * square[0], square.argmin(axis=0), 0)
-            if not way.any():
-                break
-        if 2 * np.count_nonzero(way) >= len(way):
+        tried, square = _see_in_every_way(saved, pairs)
+        way = np.where(square.min(axis=0) < _HALF * square[0], square.argmin(axis=0), 0)
+        if not 0 < 2 * np.count_nonzero(way) < len(way):
             return []
-        poses, right = Poses.chosen([one.poses for one in tried], way), _put_right(pairs, way)
-        if (way == before).all():
+        if before is not None and (way == before).all():
             break
-        camera = refit_radial(reference, right, poses).camera
+        # Beside a radial lens all photos of a lopsided one are odd, and what is odd hides.
+        right, poses = _put_right(pairs, way), Poses.chosen([one.poses for one in tried], way)
+        radial = refit_radial(reference, right, poses)
+        whole = fit_cubic(radial, fit.prior, relative_decrease=ROUGH_DECREASE)
+        lens, before = FixedLens(camera=whole.lens), way
+        saved = adjust(lens, tried[0].poses, pairs, wide_px(whole.errors))
     least = square[way, np.arange(len(way))]
     by_noise = noise**2 * len(way)
     if least.sum() - by_noise > _HALF * (square[0].sum() - by_noise):
         return []
-    odd = _find_odd(tried[0], pairs, poses, right)
+    odd = _find_odd(tried[0], whole, pairs)
     odd &= (way > 0) & (least < _AS_OTHERS * np.median(square[0, way == 0]))
     return _report(pairs.images, odd, square, reference.unfit)
 
 
-def _find_odd(
-    saved: Adjustment, pairs: Observations, poses: Poses, right: Observations
-) -> BoolArray:
+def _see_in_every_way(
+    saved: Adjustment[FixedLens], pairs: Observations
+) -> tuple[list[Adjustment[FixedLens]], FloatArray]:
+    """Photos put right in each way, and their squared errors (4, M)."""
+    for decrease in (_ROUGHLY, _EXACTLY):
+        tried = [_see(saved, pairs, way, decrease) for way in range(len(_WAYS))]
+        photos = len(pairs.images)
+        square = np.stack([noise_by_photo(pairs.image, one.residual, photos) ** 2 for one in tried])
+        if not (square.min(axis=0) < _HALF * square[0]).any():
+            break
+    return tried, square
+
+
+def _find_odd(saved: Adjustment[FixedLens], right: CameraFit, pairs: Observations) -> BoolArray:
     """Which photos (M,) have a lens of their own as they were saved, and none once put right."""
     as_saved = unlike(photo_lenses(saved.lens, saved.poses, pairs))
-    own_lenses = photo_lenses(saved.lens, poses, right)
+    own_lenses = lenses_of(right)
     split, put_right = best_split(own_lenses), unlike(own_lenses)
     odd = np.zeros(len(pairs.images), bool)
     if split is not None and split.chance < BY_CHANCE:  # something else explains more
