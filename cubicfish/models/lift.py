@@ -110,6 +110,14 @@ def evaluate_cubics(coefficients: FloatArray, points: FloatArray) -> tuple[Float
     return values.T, 3 * form[:, :3].transpose(2, 0, 1)
 
 
+def basis_values(rays: FloatArray) -> FloatArray:
+    """The cubics of :func:`sphere_basis` at unit rays: (N, 3) -> (N, 16), ray by ray in memory.
+
+    One cubic of all rays stands after the other, since that is what sums run over.
+    """
+    return np.asarray((sphere_basis().T @ lift(rays).T).T)
+
+
 def lift_rotation(rotation: npt.ArrayLike) -> FloatArray:
     """L(R), (20, 20), with Φ(R X) = L(R) Φ(X) for every X: (3, 3) -> (20, 20).
 

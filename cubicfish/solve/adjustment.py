@@ -45,7 +45,7 @@ WARM_DAMPING = 1e-13
 
 # Derivatives of so many pairs by so many unknowns fit into a core's cache; larger arrays wait for
 # memory.
-_RUN_PAIRS, _RUN_UNKNOWNS = 1000, 60
+_RUN_PAIRS, _RUN_UNKNOWNS = 1500, 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,11 +104,22 @@ def linearise(
 
 
 def _cut_runs(state: State[L], pairs: Observations) -> list[slice]:
-    """Cut the pairs into runs of one camera each, whose derivatives are not too large."""
-    camera = state.lens.camera_of(pairs.image)
+    """Cut the pairs into runs of one camera each, whose derivatives are not too large.
+
+    They are cut between photos, whose products are then formed all at once if they are alike.
+    """
+    camera, count = state.lens.camera_of(pairs.image), len(pairs.image)
     size = max(_RUN_PAIRS, _RUN_PAIRS * _RUN_UNKNOWNS // (state.size[0] + 6))
-    cuts = np.union1d(np.arange(0, len(camera), size), np.flatnonzero(np.diff(camera)) + 1)
-    return [slice(*ends) for ends in pairwise([*cuts.tolist(), len(camera)])]
+    photos = np.flatnonzero(np.diff(pairs.image)) + 1
+    is_far = np.diff(photos // size, prepend=0) > 0
+    cuts = np.union1d(photos[is_far], np.flatnonzero(np.diff(camera)) + 1).tolist()
+    ends = ((first, stop, stop - first) for first, stop in pairwise([0, *cuts, count]))
+    # A photo of very many pairs is cut too.
+    parts = (
+        np.linspace(first, stop, 1 + max(1, length // (2 * size)), dtype=int).tolist()
+        for first, stop, length in ends
+    )
+    return [slice(*part) for run in parts for part in pairwise(run)]
 
 
 def _linearise_run(
@@ -121,24 +132,27 @@ def _linearise_run(
     rotation = views.rotation.transpose(1, 2, 0)[:, :, image]
     rotated = np.einsum("ijn,jn->in", rotation, world.points[run].T)
     points = (rotated + views.translation.T[:, image]).T
-    pixel, d_point, d_lens = body.lens_of(int(image[0])).pixel_and_slopes(points)
+    pixel, d_point, d_lens, columns = body.lens_of(int(image[0])).separate_slopes(points)
     by_point = d_point.transpose(1, 2, 0)
     d_corner, d_shape = None, []
     if world.free:
-        d_corner = np.einsum("ain,ijn->ajn", by_point, rotation).transpose(2, 0, 1)
-        d_shape = [world.chain(d_corner, run)]
-    d_view = np.concatenate([cross(rotated, by_point).transpose(2, 0, 1), d_point], axis=2)
-    d_body, own, d_pose = body.by_body(image, state.poses, d_lens, d_view)
+        d_corner = np.einsum("ain,ijn->ajn", by_point, rotation)
+        d_shape = [world.chain(d_corner.transpose(2, 0, 1), run).transpose(1, 2, 0)]
+    d_view = np.concatenate([cross(rotated, by_point), by_point], axis=1).transpose(2, 0, 1)
+    own, d_body, d_pose = body.by_body(image, state.poses, d_view)
+    # What the body's photos share beside the lens, and the target's parameters.
+    target = np.arange(len(body.parameters), state.size[0])
+    more = np.append(own[len(own) - d_body.shape[2] :], target)
     residual = pixel - pairs.pixel[run]
     length = np.hypot(residual[:, 0], residual[:, 1])
     root = np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))
     return Linearised.of(
         residual,
         root,
-        d_pose,
-        [d_body, *d_shape],
+        d_pose.transpose(1, 2, 0),
+        [*d_lens, d_body.transpose(1, 2, 0), *d_shape],
         d_corner,
-        np.append(own, np.arange(len(body.parameters), state.size[0])),
+        np.hstack([own[columns], np.tile(more, (2, 1))]),
         body.shot_of(image),
     )
 

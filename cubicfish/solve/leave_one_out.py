@@ -157,7 +157,7 @@ class LeaveOneOut:
         """
         lefts, by_poses, roots, places, tells = [], [], [], [], []
         for told, corner, terms in self._linearise(group) if known is None else known:
-            left = terms.miss[:, :, None] + terms.by_shared @ shared[terms.columns]
+            left = terms.miss[:, :, None] + terms.by_shared(shared)
             if len(offset):
                 left += terms.by_corner @ offset[corner]
             lefts.append(left)

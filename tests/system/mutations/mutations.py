@@ -114,8 +114,8 @@ MUTATIONS = tuple(
         # The adjustment and its priors.
         (
             "cubicfish/solve/adjustment.py",
-            "[cross(rotated, by_point).transpose(2, 0, 1), d_point]",
-            "[-cross(rotated, by_point).transpose(2, 0, 1), d_point]",
+            "[cross(rotated, by_point), by_point]",
+            "[-cross(rotated, by_point), by_point]",
             "cubicfish/solve/test_adjustment",
         ),
         (
