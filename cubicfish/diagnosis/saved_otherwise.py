@@ -18,10 +18,11 @@ from cubicfish.fit.radial_reference import refit_radial
 from cubicfish.fit.start import fit_poses
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
-from cubicfish.solve.adjustment import Adjustment, adjust
+from cubicfish.solve.adjustment import adjust
 from cubicfish.solve.fit_lens import FixedLens
 from cubicfish.solve.poses import Poses
 from cubicfish.solve.statistics import local_noise_px, noise_by_photo, wide_px
+from cubicfish.solve.subset import select_photos
 from cubicfish.target.observations import Observations
 from cubicfish.target.placement import renamed
 from cubicfish.types import BoolArray, FloatArray, IntArray
@@ -34,8 +35,8 @@ _TURNED = 3
 # and show others: so many times at most.
 _HALF, _ROUNDS = 0.5, 5
 # The last step is one that gains a smaller share of the cost. Poses of photos that are put right
-# are there in a few steps; those of others need tens to where they are wrong all the same. What may
-# be a fault is fitted anew, to the last digit.
+# are there in a few steps; those of others need tens to where they are wrong all the same. Only
+# photos that some other way suits better are fitted on, to the last digit.
 _ROUGHLY, _EXACTLY = 1e-3, 1e-10
 # It then fits nearly as well as the others, so many times their squared error at most.
 _AS_OTHERS = 4.0
@@ -82,43 +83,59 @@ def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:
     if target := nominal.refined(fit.world):
         every = renamed(every, target, nominal.renamed).with_target(target)
     pairs, camera = every.with_world(every.world / nominal.scale), reference.camera
-    way = np.zeros(len(pairs.images), np.intp)
+    start, pairs, placed = fit_poses(camera, pairs)
+    if start is None:
+        return []
+    way, limit = np.zeros(len(placed), np.intp), wide_px(start.errors)
+    tried = [_see_mirrored(start.poses, one) for one in range(len(_WAYS))]
     for _ in range(_ROUNDS):
-        start, pairs, placed = fit_poses(camera, pairs)
-        if start is None:
-            return []
-        before = way[placed]
+        before, square = way, np.zeros((len(_WAYS), len(way)))
+        photos = np.arange(len(way))
         for decrease in (_ROUGHLY, _EXACTLY):
-            tried = [_see(start, pairs, one, decrease) for one in range(len(_WAYS))]
-            square = np.stack(
-                [noise_by_photo(pairs.image, one.residual, len(placed)) ** 2 for one in tried]
-            )
+            own, lens = select_photos(pairs, photos), FixedLens(camera=camera)
+            for one, poses in enumerate(tried):
+                right = _put_right(own, np.full(len(photos), one))
+                seen = adjust(lens, poses[photos], right, limit, relative_decrease=decrease)
+                if one == 0 and decrease == _ROUGHLY:  # all photos, as they were saved
+                    limit = wide_px(seen.errors)
+                tried[one] = poses.with_photos(photos, seen.poses)
+                square[one, photos] = noise_by_photo(own.image, seen.residual, len(photos)) ** 2
+            photos = np.flatnonzero(square.min(axis=0) < square[0])
             way = np.where(square.min(axis=0) < _HALF * square[0], square.argmin(axis=0), 0)
             if not way.any():
                 break
         if 2 * np.count_nonzero(way) >= len(way):
             return []
-        poses, right = Poses.chosen([one.poses for one in tried], way), _put_right(pairs, way)
+        chosen, right = Poses.chosen(tried, way), _put_right(pairs, way)
         if (way == before).all():
             break
-        camera = refit_radial(reference, right, poses).camera
+        camera = refit_radial(reference, right, chosen).camera
     least = square[way, np.arange(len(way))]
     by_noise = noise**2 * len(way)
     if least.sum() - by_noise > _HALF * (square[0].sum() - by_noise):
         return []
-    odd = _find_odd(tried[0], pairs, poses, right)
+    odd = _find_odd(lens, pairs, tried[0], right, chosen)
     odd &= (way > 0) & (least < _AS_OTHERS * np.median(square[0, way == 0]))
     return _report(pairs.images, odd, square, reference.unfit)
 
 
 def _find_odd(
-    saved: Adjustment, pairs: Observations, poses: Poses, right: Observations
+    lens: FixedLens, saved: Observations, poses: Poses, right: Observations, chosen: Poses
 ) -> BoolArray:
-    """Which photos (M,) have a lens of their own as they were saved, and none once put right."""
-    as_saved = unlike(photo_lenses(saved.lens, saved.poses, pairs))
-    own_lenses = photo_lenses(saved.lens, poses, right)
+    """Which photos (M,) have a lens of their own as they were saved, and none once put right.
+
+    Args:
+        lens: the lens.
+        saved: the pairs as the photos were saved; ``poses`` are theirs.
+        poses: see ``saved``.
+        right: the pairs once put right; ``chosen`` are their poses.
+        chosen: see ``right``.
+
+    """
+    as_saved = unlike(photo_lenses(lens, poses, saved))
+    own_lenses = photo_lenses(lens, chosen, right)
     split, put_right = best_split(own_lenses), unlike(own_lenses)
-    odd = np.zeros(len(pairs.images), bool)
+    odd = np.zeros(len(saved.images), bool)
     if split is not None and split.chance < BY_CHANCE:  # something else explains more
         return odd
     for own, put in zip(as_saved, put_right, strict=True):
@@ -166,17 +183,10 @@ def _put_right(pairs: Observations, way: IntArray) -> Observations:
     return replace(pairs.with_world(world), pixel=pixel)
 
 
-def _see(
-    start: Adjustment[FixedLens], pairs: Observations, way: int, decrease: float
-) -> Adjustment[FixedLens]:
-    """Fit the poses of all photos, put right as if all were saved in one way.
-
-    A step that lowers the cost by a share of less than ``decrease`` is the last.
-    """
+def _see_mirrored(poses: Poses, way: int) -> Poses:
+    """The poses of photos that are put right as if all were saved in one way."""
     mirror = np.append(_WAYS[way], 1)
-    poses = Poses(
-        rotation=mirror[:, None] * start.poses.rotation * [_WAYS[way].prod(), 1, 1],
-        translation=mirror * start.poses.translation,
+    return Poses(
+        rotation=mirror[:, None] * poses.rotation * [_WAYS[way].prod(), 1, 1],
+        translation=mirror * poses.translation,
     )
-    right = _put_right(pairs, np.full(len(poses), way))
-    return adjust(start.lens, poses, right, wide_px(start.errors), relative_decrease=decrease)

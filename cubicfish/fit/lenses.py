@@ -226,7 +226,7 @@ class CubicFit(FitLens):
     def _differentiate_far(
         self, points: FloatArray
     ) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
-        """Pixel (N, 2), d/d point (2, 3, N), and d/d P in two parts: see :meth:`separate_slopes`."""
+        """Pixel (N, 2), d/d point (2, 3, N), and d/d P in parts: see :meth:`separate_slopes`."""
         length = np.sqrt(np.einsum("ij,ij->i", points, points))
         rays = points / length[:, None]
         values = basis_values(rays)

@@ -14,7 +14,7 @@ from cubicfish.fit.radial_pose import (
     radial_poses,
 )
 from cubicfish.models.radial import RadialCamera
-from cubicfish.solve.adjustment import Adjustment, adjust
+from cubicfish.solve.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish.solve.fit_lens import FixedLens
 from cubicfish.solve.poses import Poses
 from cubicfish.solve.statistics import wide_px
@@ -165,7 +165,8 @@ def fit_poses(
     kept, _ = select(pairs, np.isin(pairs.image, placed))
     lens = FixedLens(camera=camera)
     fit = adjust(lens, poses[placed], kept, _WIDE_HUBER_PX, max_iterations=30)
-    return adjust(fit.lens, fit.poses, kept, wide_px(fit.errors)), kept, placed
+    near = adjust(lens, fit.poses, kept, wide_px(fit.errors), damping=WARM_DAMPING)
+    return near, kept, placed
 
 
 def _find_known_poses(

@@ -223,6 +223,8 @@ def adjust(
     max_iterations: int = _MAX_ITERATIONS,
     relative_decrease: float = _RELATIVE_DECREASE,
     damping: float = COLD_DAMPING,
+    trust_last: bool = False,
+    cost_before: float = 0.0,
 ) -> Adjustment[L]:
     """Minimise the Huber loss of the reprojection error over lens, poses and target.
 
@@ -235,9 +237,14 @@ def adjust(
         max_iterations: steps to try at most.
         relative_decrease: stop when a step lowers the cost by less than this share.
         damping: damping of the first step; less near the optimum.
+        trust_last: near the optimum, take the last step without evaluating it: the one behind which
+            another would lower the cost by less than that share, as steps have become smaller.
+            Residuals, cost and equations are then those of the state before.
+        cost_before: cost of the state from which a step led to the start; 0 where none did.
 
     Returns:
-        The best state found. A step that does not lower the cost is never taken.
+        The best state found. A step that does not lower the cost is never taken, unless it is
+        trusted.
 
     Raises:
         FitError: the start itself sees a point at infinity.
@@ -246,13 +253,18 @@ def adjust(
     world = DeformableTarget(nominal=pairs.world) if world is None else world
     now = _begin(State(lens, poses, world), pairs, huber_px)
     near, iterations, reach = damping < COLD_DAMPING, 0, 1.0
+    before = cost_before / max(now.cost, 1e-300) - 1
     pose_damping = np.zeros((len(poses), 1))
     while iterations < max_iterations:
         step = now.normal.solve(damping, pose_damping)
         gain = now.normal.expected_decrease(step) / max(now.cost, 1e-300)
         # A step from far away, or a damped one, says too little about what is left to gain.
-        if near and gain < relative_decrease and damping < COLD_DAMPING:
+        left = gain * gain / before if trust_last and gain < before else gain
+        if near and left < relative_decrease and damping < COLD_DAMPING:
+            if trust_last:
+                now = replace(now, **vars(now.moved(*step)))
             break
+        before = gain
         iterations += 1
         new = _evaluate(now.moved(*(reach * part for part in step)), pairs, huber_px)
         least = relative_decrease

@@ -383,8 +383,8 @@ def _multiply_by_photo(rows: FloatArray, cuts: IntArray) -> FloatArray:
     """
     sizes = np.diff(cuts)
     if (sizes == sizes[0]).all():
-        photos = rows.reshape(len(rows), len(sizes), -1)
-        return photos[:_POSE].transpose(1, 0, 2) @ photos.transpose(1, 2, 0)
+        alike = rows.reshape(len(rows), len(sizes), -1)
+        return np.asarray(alike[:_POSE].transpose(1, 0, 2) @ alike.transpose(1, 2, 0))
     photos = [rows[:, first:stop] for first, stop in pairwise(cuts.tolist())]
     return np.stack([photo[:_POSE] @ photo.T for photo in photos])
 
