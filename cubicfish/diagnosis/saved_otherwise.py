@@ -15,7 +15,7 @@ from cubicfish.diagnosis.two_lenses import best_split
 from cubicfish.fit.calibration import FitEvidence
 from cubicfish.fit.cubic_fit import CameraFit
 from cubicfish.fit.radial_reference import refit_radial
-from cubicfish.fit.start import fit_poses
+from cubicfish.fit.start import fit_poses, unplaced
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
 from cubicfish.solve.adjustment import adjust
@@ -83,7 +83,10 @@ def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:
     if target := nominal.refined(fit.world):
         every = renamed(every, target, nominal.renamed).with_target(target)
     pairs, camera = every.with_world(every.world / nominal.scale), reference.camera
-    start, pairs, placed = fit_poses(camera, pairs)
+    # Photos that the fit left out have no pose yet.
+    used = [pairs.images.index(photo) for photo in reference.pairs.images]
+    known = unplaced(len(pairs.images)).with_photos(np.array(used), reference.poses)
+    start, pairs, placed = fit_poses(camera, pairs, known)
     if start is None:
         return []
     way, limit = np.zeros(len(placed), np.intp), wide_px(start.errors)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -68,6 +69,16 @@ class Linearised:
     def by_corner(self) -> FloatArray:
         """(n, 2, 3) by the pair's world point; 0 where the target is not free."""
         return self.rows[:, -_CORNER:].transpose(2, 0, 1)
+
+    def select(self, pairs: IntArray) -> Linearised:
+        """Those of some pairs, by their indices."""
+        return replace(
+            self,
+            residual=self.residual[pairs],
+            root=self.root[pairs],
+            rows=self.rows[:, :, pairs],
+            pose=self.pose[pairs],
+        )
 
     @classmethod
     def of(
@@ -140,9 +151,10 @@ class NormalEquations:
         cuts = np.flatnonzero(np.diff(terms.pose, prepend=-1, append=-1))
         poses = terms.pose[cuts[:-1]]
         for rows, columns in zip(terms.rows, terms.columns, strict=True):
-            right, every = rows[_POSE:-_CORNER], _cut_pieces(np.append(columns, len(self.shared)))
+            right, own_columns = rows[_POSE:-_CORNER], tuple(columns.tolist())
+            every = _cut_pieces((*own_columns, len(self.shared)))
             product = right @ right.T
-            for above, own in _cut_pieces(columns):
+            for above, own in _cut_pieces(own_columns):
                 for beside, place in every:
                     self.shared[own, place] += product[above, beside]
             by_photo = _multiply_by_photo(rows[:-_CORNER], cuts)
@@ -156,7 +168,7 @@ class NormalEquations:
         """Add what pairs say of free corners, and of these together with all else."""
         groups = list(_group_by(corner, len(self.corner)))
         for rows, columns in zip(terms.rows, terms.columns, strict=True):
-            every = _cut_pieces(np.append(columns, len(self.shared)))
+            every = _cut_pieces((*columns.tolist(), len(self.shared)))
             for alike, own in groups:
                 seen = rows[_POSE:, own]
                 product = seen[-_CORNER:].transpose(1, 0, 2) @ seen.transpose(1, 2, 0)
@@ -389,13 +401,14 @@ def _multiply_by_photo(rows: FloatArray, cuts: IntArray) -> FloatArray:
     return np.stack([photo[:_POSE] @ photo.T for photo in photos])
 
 
-def _cut_pieces(index: IntArray) -> list[tuple[slice, slice]]:
-    """Cut an index (n,) where it leaps: the slices of each piece, in it and where it leads.
+@lru_cache(maxsize=64)
+def _cut_pieces(index: tuple[int, ...]) -> list[tuple[slice, slice]]:
+    """Cut an index where it leaps: the slices of each piece, in it and where it leads.
 
     Slices need no copy, which an index does.
     """
     cuts = [0, *(np.flatnonzero(np.diff(index) != 1) + 1).tolist(), len(index)]
-    ends = [(first, stop, int(index[first])) for first, stop in pairwise(cuts) if first < stop]
+    ends = [(first, stop, index[first]) for first, stop in pairwise(cuts) if first < stop]
     return [(slice(first, stop), slice(to, to + stop - first)) for first, stop, to in ends]
 
 
