@@ -282,24 +282,19 @@ class CubicFit(FitLens):
         if prior is None:
             return grams
         near = prior.near
-        inside, denominator = self._compute_pixel(near.values)
-        pixel = inside * self.scale + self.centre
+        pixel, by_P = self.see_still(near.values)
         if not np.isfinite(pixel).all():  # a bad step, which its cost rejects
             return np.full_like(grams, np.inf)
         decentred, (seen, by_lens) = prior.nearest(pixel)
         # Derivatives by P's parameters, those by the lens's, and the miss.
-        parts = self._differentiate(near.values, inside, denominator)
-        parts += [-by_lens.transpose(1, 2, 0), (pixel - near.miss - seen).T[:, None]]
-        both = [np.broadcast_to(one, (2, *one.shape[1:])) for one in parts]
-        rows = np.concatenate(both, axis=1)
+        miss = (pixel - near.miss - seen).T[:, None]
+        rows = np.concatenate([by_P, -by_lens.transpose(1, 2, 0), miss], axis=1)
         squares = np.square([weights, np.minimum(weights, WEIGHT_BEYOND)])[:, :, None, None]
         size = _TRAVEL + by_lens.shape[2] + 1
         whole = np.zeros((len(weights), size, size))
         for square, places in zip(squares, near.parts, strict=True):
-            for row, of_P in zip(rows, _SEPARATE[:, :-1], strict=True):
-                own = np.append(of_P, np.arange(_TRAVEL, size))
-                summed = sum(part @ part.T for part in (row[:, place] for place in places))
-                whole[:, own[:, None], own] += square * summed
+            for place in places:
+                whole += square * gram_of_separate(rows[:, :, place])
         whole[:, _TRAVEL:, _TRAVEL:] += decentred.pulls()
         kept = np.r_[:_TRAVEL, size - 1]
         cross = whole[:, _TRAVEL:-1, kept]
@@ -310,6 +305,23 @@ class CubicFit(FitLens):
         by_values[-1, -1] = 1
         grams[:, _FAR[:, None], _FAR] += left + by_values.T @ prior.denominators @ by_values
         return grams
+
+    def see_still(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What the lens sees of distant points that do not move.
+
+        Args:
+            values: (M, 16) the basis of cubics on the sphere at their rays.
+
+        Returns:
+            Pixel (M, 2); and the derivatives by the parameters of P on which x and y depend
+            (2, 31, M), which :func:`gram_of_separate` sums up.
+
+        """
+        inside, denominator = self._compute_pixel(values)
+        same, apart = self._differentiate(values, inside, denominator)
+        by_P = np.empty((2, same.shape[1] + apart.shape[1], len(values)))
+        by_P[:, : same.shape[1]], by_P[:, same.shape[1] :] = same, apart
+        return inside * self.scale + self.centre, by_P
 
     def _compute_pixel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         homogeneous = self.coefficients @ values.T
@@ -335,6 +347,22 @@ class CubicFit(FitLens):
         to_pixels = np.array([[scale, 0, x], [0, scale, y], [0, 0, 1]])
         P = to_pixels @ self.coefficients @ sphere_basis().T
         return P / np.linalg.norm(P)
+
+
+def gram_of_separate(rows: FloatArray) -> FloatArray:
+    """Products of derivatives by P and of other rows, (47 + C, 47 + C).
+
+    Args:
+        rows: (2, 31 + C, M) of x and of y: those of :meth:`CubicFit.see_still`, and C others.
+
+    """
+    of_P = _SEPARATE[:, :-1]
+    size = _TRAVEL + rows.shape[1] - of_P.shape[1]
+    products = np.zeros((size, size))
+    for row, columns in zip(rows, of_P, strict=True):
+        own = np.append(columns, np.arange(_TRAVEL, size))
+        products[own[:, None], own] += row @ row.T
+    return products
 
 
 def _join(parts: Sequence[FloatArray]) -> FloatArray:
