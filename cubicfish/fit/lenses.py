@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from cubicfish.fit.decentred import DecentredFit, StillRays
-from cubicfish.models.lift import basis_values, evaluate_cubics, sphere_basis
+from cubicfish.models.lift import basis_values, cubic_gradients, lift, sphere_basis
 from cubicfish.models.pupil import from_pupil, from_pupil_and_slopes
 from cubicfish.solve.fit_lens import FitLens
 from cubicfish.solve.normal_equations import gram, solve_scaled
@@ -229,11 +229,11 @@ class CubicFit(FitLens):
         """Pixel (N, 2), d/d point (2, 3, N), and d/d P in parts: see :meth:`separate_slopes`."""
         length = np.sqrt(np.einsum("ij,ij->i", points, points))
         rays = points / length[:, None]
-        values = basis_values(rays)
+        lifted = lift(rays).T
+        values = (sphere_basis().T @ lifted).T
         pixel, denominator = self._compute_pixel(values)
-        _, gradient = evaluate_cubics(self.coefficients @ sphere_basis().T, rays)
         # Working on one coordinate of all points after the other is fastest.
-        across = gradient.transpose(1, 2, 0)
+        across = cubic_gradients(self.coefficients @ sphere_basis().T, lifted)
         slope = across[:2] - pixel.T[:, None] * across[2]
         slope *= self.scale / denominator
         return (

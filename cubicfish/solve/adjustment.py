@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Generic, Self, TypeVar
 
 import numpy as np
@@ -110,16 +110,17 @@ def _cut_runs(state: State[L], pairs: Observations) -> list[slice]:
     """
     camera, count = state.lens.camera_of(pairs.image), len(pairs.image)
     size = max(_RUN_PAIRS, _RUN_PAIRS * _RUN_UNKNOWNS // (state.size[0] + 6))
+    if count <= size and camera[0] == camera[-1]:
+        return [slice(0, count)]
     photos = np.flatnonzero(np.diff(pairs.image)) + 1
-    is_far = np.diff(photos // size, prepend=0) > 0
-    cuts = np.union1d(photos[is_far], np.flatnonzero(np.diff(camera)) + 1).tolist()
-    ends = ((first, stop, stop - first) for first, stop in pairwise([0, *cuts, count]))
+    cuts = photos[np.diff(photos // size, prepend=0) > 0].tolist()
+    ends = sorted({0, count, *cuts, *(np.flatnonzero(np.diff(camera)) + 1).tolist()})
     # A photo of very many pairs is cut too.
-    parts = (
-        np.linspace(first, stop, 1 + max(1, length // (2 * size)), dtype=int).tolist()
-        for first, stop, length in ends
-    )
-    return [slice(*part) for run in parts for part in pairwise(run)]
+    parts = [
+        range(first, stop, size if stop - first > 2 * size else stop - first)
+        for first, stop in pairwise(ends)
+    ]
+    return [slice(*run) for run in pairwise([*chain.from_iterable(parts), count])]
 
 
 def _linearise_run(
@@ -323,11 +324,11 @@ def _evaluate(state: State[L], pairs: Observations, huber_px: float) -> Adjustme
             cost += float(pairs.weight[run] @ huber_cost(length, huber_px))
             if np.isfinite(cost):
                 normal.add(terms, world.corner[run])
-        prior = state.lens.pulls()
+        priors = state.lens.pulls(), world.pulls()
         offset = (world.offset_weight * world.offsets).reshape(-1)
-        cost += 0.5 * float(prior[-1, -1] + world.pulls()[-1, -1] + offset @ offset)
+        cost += 0.5 * float(sum(prior[-1, -1] for prior in priors) + offset @ offset)
         if np.isfinite(cost):
-            normal = normal.with_pulls(prior, world)
+            normal = normal.with_pulls(priors, world)
     return Adjustment(
         **vars(state),
         residual=residual,

@@ -214,6 +214,8 @@ class DeformableTarget:
 
         It is (S + 1, S + 1) like a lens's prior; the mean stretch is the overall scale.
         """
+        if not self.parts:
+            return np.zeros((1, 1))
         weight = self.noise / self.spread
         rows = [np.diag(weight)]
         stretches = np.flatnonzero(self.kinds == _STRETCHED)

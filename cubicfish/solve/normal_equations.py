@@ -178,14 +178,17 @@ class NormalEquations:
         both = np.einsum("apn,acn->npc", terms.rows[:, :_POSE], terms.rows[:, -_CORNER:])
         self.pose_corner[terms.pose, :, corner] += both
 
-    def with_pulls(self, lens_prior: FloatArray, world: DeformableTarget) -> NormalEquations:
-        """Add the priors of the lens, of the boards and of free corners."""
+    def with_pulls(self, priors: Sequence[FloatArray], world: DeformableTarget) -> NormalEquations:
+        """Add the priors of the shared unknowns, those of the lens first, and of free corners."""
         shared, corner_shared = self.shared.copy(), self.corner_shared.copy()
         first = 0
-        for prior in (lens_prior, world.pulls()):
-            own = first + np.arange(len(prior) - 1)
-            shared[np.ix_(own, np.append(own, -1))] += prior[:-1]
-            first += len(own)
+        for prior in priors:
+            stop = first + len(prior) - 1
+            shared[first:stop, first:stop] += prior[:-1, :-1]
+            shared[first:stop, -1] += prior[:-1, -1]
+            first = stop
+        if not len(corner_shared):
+            return replace(self, shared=shared)
         pull = world.offset_weight**2
         corner_shared[:, :, -1] += pull * world.offsets
         corner = self.corner + pull * np.eye(3)
