@@ -18,7 +18,8 @@ from cubicfish.fit.radial_reference import refit_radial
 from cubicfish.fit.start import fit_poses, unplaced
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
-from cubicfish.solve.adjustment import adjust
+from cubicfish.solve.adjustment import WARM_DAMPING, adjust
+from cubicfish.solve.descent import COLD_DAMPING
 from cubicfish.solve.fit_lens import FixedLens
 from cubicfish.solve.poses import Poses
 from cubicfish.solve.statistics import local_noise_px, noise_by_photo, wide_px
@@ -36,8 +37,8 @@ _TURNED = 3
 _HALF, _ROUNDS = 0.5, 5
 # The last step is one that gains a smaller share of the cost. Poses of photos that are put right
 # are there in a few steps; those of others need tens to where they are wrong all the same. Only
-# photos that some other way suits better are fitted on, to the last digit.
-_ROUGHLY, _EXACTLY = 1e-3, 1e-10
+# photos that some other way suits better are fitted on.
+_ROUGHLY, _EXACTLY = 1e-3, 1e-6
 # It then fits nearly as well as the others, so many times their squared error at most.
 _AS_OTHERS = 4.0
 # A lens's centre is this near to the middle of the picture, as a share of its longer side; one that
@@ -91,6 +92,7 @@ def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:
         return []
     way, limit = np.zeros(len(placed), np.intp), wide_px(start.errors)
     tried = [_see_mirrored(start.poses, one) for one in range(len(_WAYS))]
+    damping = COLD_DAMPING
     for _ in range(_ROUNDS):
         before, square = way, np.zeros((len(_WAYS), len(way)))
         photos = np.arange(len(way))
@@ -98,12 +100,19 @@ def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:
             own, lens = select_photos(pairs, photos), FixedLens(camera=camera)
             for one, poses in enumerate(tried):
                 right = _put_right(own, np.full(len(photos), one))
-                seen = adjust(lens, poses[photos], right, limit, relative_decrease=decrease)
+                seen = adjust(
+                    lens,
+                    poses[photos],
+                    right,
+                    limit,
+                    relative_decrease=decrease,
+                    damping=damping,
+                )
                 if one == 0 and decrease == _ROUGHLY:  # all photos, as they were saved
                     limit = wide_px(seen.errors)
                 tried[one] = poses.with_photos(photos, seen.poses)
                 square[one, photos] = noise_by_photo(own.image, seen.residual, len(photos)) ** 2
-            photos = np.flatnonzero(square.min(axis=0) < square[0])
+            photos, damping = np.flatnonzero(square.min(axis=0) < square[0]), WARM_DAMPING
             way = np.where(square.min(axis=0) < _HALF * square[0], square.argmin(axis=0), 0)
             if not way.any():
                 break

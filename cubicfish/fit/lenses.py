@@ -127,10 +127,11 @@ class Tie:
 
         """
         lens, (seen, by_lens) = self.lens, self._sees
-        weights, pixel = self.weights[:, None, None], pixel - self.near.miss
+        weights, pixel = self.weights, pixel - self.near.miss
         for _ in range(_NEAREST_ROUNDS):
-            miss = (weights * (seen - pixel)[:, :, None]).reshape(-1)
-            square = gram((weights * by_lens).reshape(len(miss), -1), miss) + lens.pulls()
+            rows = np.concatenate([by_lens.transpose(1, 2, 0), (seen - pixel).T[:, None]], axis=1)
+            rows *= weights
+            square = rows[0] @ rows[0].T + rows[1] @ rows[1].T + lens.pulls()
             step = _follow(square[:-1, :-1], square[:-1, -1:])[:, 0]
             moved = lens.with_parameters(lens.parameters - step)
             sees = moved.seen(self.near.still)

@@ -199,7 +199,8 @@ class DeformableTarget:
             pairs = part.pairs[first:stop]
             own, shape = d_world[pairs - run.start], part.basis.shape[2]
             columns = np.empty((len(pairs), 2, part.place.stop - part.shape.start))
-            columns[:, :, :shape] = own @ part.basis[part.cell[first:stop]]
+            basis = part.basis[part.cell[first:stop]]
+            columns[:, :, :shape] = np.einsum("nai,nis->nas", own, basis)
             place = self.parameters[part.place]
             if len(place):
                 arm = self.points[pairs] - part.middle - place[3:] * part.size

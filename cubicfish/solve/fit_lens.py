@@ -165,7 +165,8 @@ class FreeLens(FitLens, Generic[L]):
     def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Points (N, 3) -> pixel (N, 2), d/d point (N, 2, 3), d/d free parameter (N, 2, F)."""
         pixel, by_point, by_parameter = self.lens.pixel_and_slopes(points)
-        return pixel, by_point, by_parameter[:, :, self.free] * self.units
+        by_free = by_parameter.transpose(1, 2, 0)[:, self.free] * self.units[:, None]
+        return pixel, by_point, by_free.transpose(2, 0, 1)
 
     def project(self, points: FloatArray) -> FloatArray:
         """Points (N, 3) -> pixels (N, 2), not finite where the model has none."""

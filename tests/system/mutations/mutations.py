@@ -34,8 +34,8 @@ MUTATIONS = tuple(
         ),
         (
             "cubicfish/models/lift.py",
-            "share = 1 / len",
-            "share = 1.01 / len",
+            "index[lower]] = power",
+            "index[lower]] = 1",
             "cubicfish/models/test_lift",
         ),
         (
