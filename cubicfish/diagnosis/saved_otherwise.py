@@ -10,15 +10,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish.diagnosis.photo_lenses import BY_CHANCE, photo_lenses, unlike
+from cubicfish.diagnosis.photo_lenses import (
+    BY_CHANCE,
+    ROUGH_DECREASE,
+    lenses_of,
+    photo_lenses,
+    unlike,
+)
 from cubicfish.diagnosis.two_lenses import best_split
 from cubicfish.fit.calibration import FitEvidence
-from cubicfish.fit.cubic_fit import CameraFit
+from cubicfish.fit.cubic_fit import CameraFit, fit_cubic
 from cubicfish.fit.radial_reference import refit_radial
 from cubicfish.fit.start import fit_poses, unplaced
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
-from cubicfish.solve.adjustment import WARM_DAMPING, adjust
+from cubicfish.solve.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish.solve.descent import COLD_DAMPING
 from cubicfish.solve.fit_lens import FixedLens
 from cubicfish.solve.poses import Poses
@@ -37,7 +43,7 @@ _TURNED = 3
 _HALF, _ROUNDS = 0.5, 5
 # The last step is one that gains a smaller share of the cost. Poses of photos that are put right
 # are there in a few steps; those of others need tens to where they are wrong all the same. Only
-# photos that some other way suits better are fitted on.
+# photos that some other way suits better are fitted on, to far less than what decides.
 _ROUGHLY, _EXACTLY = 1e-3, 1e-6
 # It then fits nearly as well as the others, so many times their squared error at most.
 _AS_OTHERS = 4.0
@@ -83,71 +89,75 @@ def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:
         return []
     if target := nominal.refined(fit.world):
         every = renamed(every, target, nominal.renamed).with_target(target)
-    pairs, camera = every.with_world(every.world / nominal.scale), reference.camera
+    scaled = every.with_world(every.world / nominal.scale)
     # Photos that the fit left out have no pose yet.
-    used = [pairs.images.index(photo) for photo in reference.pairs.images]
-    known = unplaced(len(pairs.images)).with_photos(np.array(used), reference.poses)
-    start, pairs, placed = fit_poses(camera, pairs, known)
-    if start is None:
+    used = np.array([scaled.images.index(photo) for photo in reference.pairs.images])
+    known = unplaced(len(scaled.images)).with_photos(used, reference.poses)
+    saved, pairs, _ = fit_poses(reference.camera, scaled, known)
+    if saved is None:
         return []
-    way, limit = np.zeros(len(placed), np.intp), wide_px(start.errors)
-    tried = [_see_mirrored(start.poses, one) for one in range(len(_WAYS))]
-    damping = COLD_DAMPING
+    before = None
     for _ in range(_ROUNDS):
-        before, square = way, np.zeros((len(_WAYS), len(way)))
-        photos = np.arange(len(way))
-        for decrease in (_ROUGHLY, _EXACTLY):
-            own, lens = select_photos(pairs, photos), FixedLens(camera=camera)
-            for one, poses in enumerate(tried):
-                right = _put_right(own, np.full(len(photos), one))
-                seen = adjust(
-                    lens,
-                    poses[photos],
-                    right,
-                    limit,
-                    relative_decrease=decrease,
-                    damping=damping,
-                )
-                if one == 0 and decrease == _ROUGHLY:  # all photos, as they were saved
-                    limit = wide_px(seen.errors)
-                tried[one] = poses.with_photos(photos, seen.poses)
-                square[one, photos] = noise_by_photo(own.image, seen.residual, len(photos)) ** 2
-            photos, damping = np.flatnonzero(square.min(axis=0) < square[0]), WARM_DAMPING
-            way = np.where(square.min(axis=0) < _HALF * square[0], square.argmin(axis=0), 0)
-            if not way.any():
-                break
-        if 2 * np.count_nonzero(way) >= len(way):
+        tried, square = _see_in_every_way(saved, pairs)
+        way = np.where(square.min(axis=0) < _HALF * square[0], square.argmin(axis=0), 0)
+        if not 0 < 2 * np.count_nonzero(way) < len(way):
             return []
-        chosen, right = Poses.chosen(tried, way), _put_right(pairs, way)
-        if (way == before).all():
+        if before is not None and (way == before).all():
             break
-        camera = refit_radial(reference, right, chosen).camera
+        # Beside a radial lens all photos of a lopsided one are odd, and what is odd hides.
+        right, poses = _put_right(pairs, way), Poses.chosen(tried, way)
+        radial = refit_radial(reference, right, poses)
+        whole = fit_cubic(radial, fit.prior, relative_decrease=ROUGH_DECREASE)
+        lens, before = FixedLens(camera=whole.lens), way
+        saved = adjust(lens, tried[0], pairs, wide_px(whole.errors), damping=WARM_DAMPING)
     least = square[way, np.arange(len(way))]
     by_noise = noise**2 * len(way)
     if least.sum() - by_noise > _HALF * (square[0].sum() - by_noise):
         return []
-    odd = _find_odd(lens, pairs, tried[0], right, chosen)
+    odd = _find_odd(saved.lens, tried[0], whole, pairs)
     odd &= (way > 0) & (least < _AS_OTHERS * np.median(square[0, way == 0]))
     return _report(pairs.images, odd, square, reference.unfit)
 
 
-def _find_odd(
-    lens: FixedLens, saved: Observations, poses: Poses, right: Observations, chosen: Poses
-) -> BoolArray:
+def _see_in_every_way(
+    saved: Adjustment[FixedLens], pairs: Observations
+) -> tuple[list[Poses], FloatArray]:
+    """Poses of photos put right in each way, and their squared errors (4, M)."""
+    tried = [_see_mirrored(saved.poses, way) for way in range(len(_WAYS))]
+    photos, square = np.arange(len(saved.poses)), np.zeros((len(_WAYS), len(saved.poses)))
+    for decrease, damping in ((_ROUGHLY, COLD_DAMPING), (_EXACTLY, WARM_DAMPING)):
+        own = select_photos(pairs, photos)
+        for way, poses in enumerate(tried):
+            seen = adjust(
+                saved.lens,
+                poses[photos],
+                _put_right(own, np.full(len(photos), way)),
+                wide_px(saved.errors),
+                relative_decrease=decrease,
+                damping=damping,
+            )
+            tried[way] = poses.with_photos(photos, seen.poses)
+            square[way, photos] = noise_by_photo(own.image, seen.residual, len(photos)) ** 2
+        if not (square.min(axis=0) < _HALF * square[0]).any():
+            break
+        photos = np.flatnonzero(square.min(axis=0) < square[0])
+    return tried, square
+
+
+def _find_odd(lens: FixedLens, poses: Poses, right: CameraFit, pairs: Observations) -> BoolArray:
     """Which photos (M,) have a lens of their own as they were saved, and none once put right.
 
     Args:
-        lens: the lens.
-        saved: the pairs as the photos were saved; ``poses`` are theirs.
-        poses: see ``saved``.
-        right: the pairs once put right; ``chosen`` are their poses.
-        chosen: see ``right``.
+        lens: a lens beside which they are seen as they were saved, with ``poses``.
+        poses: see ``lens``.
+        right: the fit to all photos put right.
+        pairs: the pairs as photos were saved.
 
     """
-    as_saved = unlike(photo_lenses(lens, poses, saved))
-    own_lenses = photo_lenses(lens, chosen, right)
+    as_saved = unlike(photo_lenses(lens, poses, pairs))
+    own_lenses = lenses_of(right)
     split, put_right = best_split(own_lenses), unlike(own_lenses)
-    odd = np.zeros(len(saved.images), bool)
+    odd = np.zeros(len(pairs.images), bool)
     if split is not None and split.chance < BY_CHANCE:  # something else explains more
         return odd
     for own, put in zip(as_saved, put_right, strict=True):

@@ -76,6 +76,7 @@ _BEYOND_MARKED = 2.0
 _WHOLE_RIM = 0.9
 _UNKNOWN = "no figures are known"
 _WORSE_PHOTO = 3.0
+# A photo has few corners below this, unless most have as few: then it is the board that does.
 _FEW_CORNERS_IN_PHOTO = 20
 
 
@@ -184,6 +185,7 @@ def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[Verdict]
     errors = [photo.rms_px for photo in photos]
     typical = median([error for error in errors if math.isfinite(error)] or [0.0])
     lost = Counter(corner.image for corner in fit.dropped_corners)
+    enough = min(_FEW_CORNERS_IN_PHOTO, median([photo.corners for photo in photos] or [0]))
     verdicts = []
     for photo, error in zip(photos, errors, strict=True):
         own, out = list[Finding](), lost[photo.image]
@@ -194,7 +196,7 @@ def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[Verdict]
         unknown = math.isnan(error) and photo.corners > 0
         own += _report(Severity.NOTE if unknown else None, Code.NO_ERROR)
         own += _report(Severity.CARE if out else None, Code.OUTLIERS, dropped=out)
-        few = photo.corners < _FEW_CORNERS_IN_PHOTO and fit.marked is None
+        few = photo.corners < enough and fit.marked is None
         own += _report(Severity.CARE if few else None, Code.FEW_CORNERS, "photo")
         verdicts.append(Verdict(level=level_of(own), reasons=tuple(own)))
     return verdicts

@@ -462,15 +462,48 @@ def _check(path: Path, data: bytes) -> None:
         )
     if _is_animated(data):
         raise PhotoError("is an animation: save its pictures one by one", about=shown(path))
+    if _has_pages(data):
+        raise PhotoError("holds several pictures: save them one by one", about=shown(path))
     width, height = read_size(data) or (0, 0)
     if width * height > PictureFile.MAX_PIXELS:
         raise _explain_too_large(path)
 
 
 def _is_animated(data: bytes) -> bool:
-    """Whether a WebP file says that it has several pictures, of which decoders give the first."""
+    """Whether a WebP or PNG file says that it has several pictures: decoders give the first."""
+    if data.startswith(_PNG):
+        control = data.find(b"acTL", 0, data.find(b"IDAT"))
+        return control > 0 and data[control + 4 : control + 8] > b"\0\0\0\1"
     webp = data.startswith(b"RIFF") and data[8:16] == b"WEBPVP8X"
     return webp and len(data) > 20 and bool(data[20] & 2)
+
+
+def _has_pages(data: bytes) -> bool:
+    """Whether a TIFF file has a second picture as large as its first, which alone is decoded.
+
+    Smaller ones are its thumbnails, or the same at smaller scales.
+    """
+    order = {b"II*\0": "<", b"MM\0*": ">"}.get(data[:4])
+    if order is None:
+        return False
+    sizes: list[tuple[int | None, ...]] = []
+    try:
+        (start,) = struct.unpack_from(order + "I", data, 4)
+        while start and len(sizes) < 2:
+            (count,) = struct.unpack_from(order + "H", data, start)
+            tags: dict[int, int] = {}
+            for entry in range(start + 2, start + 2 + 12 * count, 12):
+                tag, kind, _, value = struct.unpack_from(order + "HHII", data, entry)
+                is_short = kind == 3
+                tags[tag] = (
+                    struct.unpack_from(order + "H", data, entry + 8)[0] if is_short else value
+                )
+            # Of reduced pictures and masks the lowest and the third bit of tag 254 are set.
+            sizes.append((tags.get(256), tags.get(257), tags.get(254, 0) & 5))
+            (start,) = struct.unpack_from(order + "I", data, start + 2 + 12 * count)
+    except struct.error:  # damaged here, but its pixels may be whole
+        return False
+    return len(sizes) == 2 and sizes[0] == sizes[1]
 
 
 def _decode(path: Path, data: bytes, flags: int) -> Picture:

@@ -77,7 +77,7 @@ def refuse_exchanged(cameras: Mapping[str, Observations], known: Mapping[str, Ca
         if size != cameras[name].image_size:
             raise FitError(
                 "camera {}: its photos have {}x{} pixels and its lens is of {}x{}: check that no "
-                "two cameras are exchanged".format(name, *cameras[name].image_size, *size)
+                "two cameras are swapped".format(name, *cameras[name].image_size, *size)
             )
     error = {
         (name, lens): _measure_misfit_px(known[lens].camera, pairs)
@@ -91,7 +91,7 @@ def refuse_exchanged(cameras: Mapping[str, Observations], known: Mapping[str, Ca
             theirs, back = error.get((name, name), np.inf), error.get((lens, name), 0.0)
             if name != lens and mine > _TIMES * error[name, lens] and theirs > _TIMES * back:
                 raise FitError(
-                    f"cameras {lens} and {name} are exchanged: the photos of {name} fit the lens "
+                    f"cameras {lens} and {name} are swapped: the photos of {name} fit the lens "
                     f"of {lens} ({error[name, lens]:.2g} px where its own are off by {mine:.2g} "
                     "px): exchange their folders"
                 )

@@ -198,8 +198,8 @@ def connect(address: str, *, wait_s: float = WAIT_S) -> Iterator[Cluster]:
         except Exception as problem:  # whatever the other side does not understand
             words = " ".join(str(problem).split()) or "it is silent"
             raise ClusterError(
-                f"no scheduler answers at {shown(address)} ({words}): is 'dask scheduler' of this "
-                "version running there, and is this its address?"
+                f"no scheduler answers at {shown(address) or repr(address)} ({words}): is "
+                "'dask scheduler' of this version running there, and is this its address?"
             ) from problem
         stack.callback(_close, client)
         cluster = Cluster(client, shown(address), wait_s)

@@ -274,8 +274,25 @@ def _decode_packets(
             "copy it again or cut it with ffmpeg"
         ) from problem
     # The last packet, which frames drawn upon it may follow, is a part of one.
-    if is_cut or (last is not None and last in damaged):
+    if is_cut or (last is not None and last in damaged) or _ends_within_packet(source, container):
         _refuse_cut(source, stream, count)
+
+
+def _ends_within_packet(source: Path, container: Any) -> bool:
+    """Whether a transport stream ends before its last packet does: the file was not copied whole.
+
+    Its packets, each begun by a byte of its own, are 188 bytes long, with a time before them 192,
+    with a check behind them 204. A recording may begin within one.
+    """
+    if container.format.name != "mpegts":
+        return False
+    with source.open("rb") as file:
+        head, size = file.read(16 * 204), source.stat().st_size
+    for length, before in ((188, 0), (192, 4), (204, 0)):
+        for start in range(length):
+            if head[start::length] == b"\x47" * len(head[start::length]):
+                return (size - start + before) % length != 0
+    return False
 
 
 def _refuse_cut(source: Path, stream: Any, count: int) -> None:

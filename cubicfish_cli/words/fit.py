@@ -12,7 +12,7 @@ Names = Sequence[str]
 
 _GOOD = "good photos of a well-measured target give 0.1 to 0.2 px"
 _NOT_WHERE = ", so advice says where corners are missing, but not where to put the target"
-_UNEXPLAINED = "more than paper or plate explains"
+_UNEXPLAINED = "more than is normal for a printed board"
 WORDS = Words(
     findings={
         (Code.NO_FIGURES, ""): Said(
@@ -143,7 +143,7 @@ def _low_rank(case: str, rank: float, full: int) -> Said:
     where, do = "where the corners lie", "take photos with the target in other parts of the picture"
     if case == "point":
         where, do = "on the boards", "add boards in other planes, or calibrate with --lift ray"
-    what = f"the corners determine {rank:.0f} of {full} cubics: the camera holds only"
+    what = f"the corners determine {rank:.0f} of {full} cubics: the camera is valid only"
     return Said(f"{what} {where}", do=do)
 
 
@@ -225,8 +225,8 @@ def _bent(board: str, size: float, units: str) -> Said:
 def _wavy(board: str, size: float, units: str, aside: float) -> Said:
     return Said(
         f"board {board} is wavy: its corners are {size:.2g} {units} (RMS) out of the plane",
-        f"and {aside:.2g} {units} off within it, as prints are",
-        "the camera allows for it as long as the board stays so; glue it to a flat plate",
+        f"and {aside:.2g} {units} off within it, normal for a printed board",
+        "the fit accounts for this as long as the board keeps its shape; glue it to a flat plate",
     )
 
 
@@ -245,8 +245,8 @@ def _moved(board: str, size: float, units: str, turn_deg: float) -> Said:
 @WORDS.finding(Code.CORNERS_OFF)
 def _corners_off(board: str, size: float, units: str) -> Said:
     return Said(
-        f"the corners of board {board} seem to be off by {size:.3g} {units} within its plane, more "
-        "than a print explains",
+        f"the corners of board {board} seem to be off by {size:.3g} {units} within its plane, "
+        f"{_UNEXPLAINED}",
         do="check with 'cubicfish detect --draw' that they are found and named right, or measure "
         f"the target again, {CORRECT}",
     )
@@ -294,7 +294,7 @@ def _not_certain(p95_px: float, goal_px: float) -> Said:
 
 @WORDS.finding(Code.NOT_TRUSTED)
 def _not_trusted(reason: Said) -> Said:
-    return Said(f"the camera is not to be trusted: {reason.why}; first of all, {reason.do}")
+    return Said(f"the camera is not to be trusted: {reason.why}; fix this first: {reason.do}")
 
 
 @WORDS.finding(Code.MIDDLE_UNSEEN)

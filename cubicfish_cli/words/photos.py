@@ -231,28 +231,28 @@ _GRIDS: Mapping[str, _Grid] = {
         short="several places fit",
     ),
     Code.SLIDES: _Grid(
-        why="no end of the board is visible, so it could be anywhere along it",
-        many="no end of the board is visible, so it could be anywhere along it",
+        why="no end of the board is visible, so the place along it is unknown",
+        many="no end of the board is visible, so the place along it is unknown",
         do=_MORE_BOARDS,
         short="no end of a board in view",
     ),
     Code.LOOKS_LIKE_ANOTHER: _Grid(
-        why="could be any of several boards that look alike",
+        why="it could be any of several boards that look alike",
         many="each could be any of several boards that look alike",
         do="take photos that show these boards together",
         short="one of several boards alike",
     ),
     Code.FITS_NOWHERE: _Grid(
-        why="fits nowhere on the target",
+        why="it fits nowhere on the target",
         many="what they show fits nowhere on the target",
         do=_CHECK_BOARDS,
         short="fits nowhere",
     ),
     Code.TOO_LARGE: _Grid(
-        why="larger than every board of the target",
-        many="they show larger grids than every board of the target",
+        why="it is larger than any board of the target",
+        many="they show grids of {seen} inner corners, larger than any board of the target",
         do=f"if it is a board of the target, correct {COUNTS}",
-        short="larger than every board",
+        short="larger than any board",
     ),
     Code.OTHER_COLOURS: _Grid(
         why="squares are light where those of the board are dark",
@@ -262,25 +262,32 @@ _GRIDS: Mapping[str, _Grid] = {
         short="light where the board is dark",
     ),
     Code.NO_PLANE: _Grid(
-        why="corners do not form a plane of squares",
-        many="corners do not form a plane of squares",
+        why="the corners do not form a flat grid of squares",
+        many="the corners do not form a flat grid of squares",
         do=_CHECK_BOARDS,
-        short="not a plane of squares",
+        short="not a flat grid of squares",
     ),
+}
+
+
+_OF_SEVERAL: Mapping[str, str] = {
+    Code.FITS_NOWHERE: "they fit nowhere on the target",
+    Code.TOO_LARGE: "they are larger than any board of the target",
+    Code.LOOKS_LIKE_ANOTHER: "each could be any of several boards that look alike",
 }
 
 
 def _grid_left_out(code: str, grids: int, columns: int, rows: int, corners: int) -> Said:
     why = _GRIDS[code].why
-    if code == Code.FITS_NOWHERE and grids != 1:
-        why = "they fit nowhere on the target"
+    if grids != 1:
+        why = _OF_SEVERAL.get(code, why)
     grid = _grid(grids, columns, rows, corners)
     return Said(f"{grid} {pick(grids, 'is', 'are')} left out: {why}", do=_GRIDS[code].do)
 
 
 def _left_out_in_many(code: str, left_out: int, photos: int, seen: str = "") -> Said:
-    of = f": of {seen} inner corners" if code == Code.TOO_LARGE else ""
-    return Said(f"{_many(left_out, photos)} {_GRIDS[code].many}{of}", do=_GRIDS[code].do)
+    many = _GRIDS[code].many.format(seen=seen)
+    return Said(f"{_many(left_out, photos)} {many}", do=_GRIDS[code].do)
 
 
 for _code, _own in _GRIDS.items():
@@ -311,7 +318,7 @@ Why = Literal[
 def _nothing_named(grids: int, columns: int, rows: int, photos: int, says: str, why: Why) -> Said:
     found = f"found {plural(grids, 'grid')} of up to {columns}x{rows} inner corners in "
     found += f"{plural(photos, 'photo')}, but none can be placed on the target ({says})"
-    return Said(found, do=f"{_GRIDS[why].why}; {_GRIDS[why].do}")
+    return Said(found, do=f"{_OF_SEVERAL.get(why, _GRIDS[why].why)}; {_GRIDS[why].do}")
 
 
 @WORDS.finding(Code.NO_PHOTO, "none_usable")

@@ -9,7 +9,7 @@ _MARK = "mark more points, out to the rim on all sides"
 WORDS = Words(
     findings={
         (Code.NOT_HELD_OUT, "points"): Said(
-            "no error was measured on photos that the fit has not seen",
+            "no error was measured on photos not used in the fit",
             do="mark points in three or more photos",
         )
     }
@@ -20,15 +20,15 @@ WORDS = Words(
 def _large_errors(error_px: float) -> Said:
     return Said(
         f"points are off by {error_px:.2f} px",
-        do="say how exact they are, as --noise 1.5; if that is less, look for points whose X, Y, Z "
-        "are another's",
+        do="if they were marked no better than that, say so, as in --noise 1.5; otherwise look for "
+        "points with wrong coordinates X, Y, Z",
     )
 
 
 @WORDS.finding(Code.FEW_CORNERS, "points")
 def _few_points(corners: int) -> Said:
     return Said(
-        f"{corners} points determine a radial lens, and nothing of its asymmetry",
+        f"{corners} points are enough for a radial lens, but not for its asymmetry",
         do="mark more than 30 points",
     )
 
@@ -36,8 +36,8 @@ def _few_points(corners: int) -> Said:
 @WORDS.finding(Code.OVERFITTED, "points")
 def _overfitted(held_out_px: float, times: float) -> Said:
     return Said(
-        f"the camera is off by {held_out_px:.2f} px on photos left out of the fit, {times:.1f} "
-        "times as much as on those that it was fitted to",
+        f"the camera is off by {held_out_px:.2f} px on photos not used in the fit, {times:.1f} "
+        "times as much as on the others",
         do="mark more points in each photo",
     )
 
@@ -59,7 +59,7 @@ def _low_coverage(share: float) -> Said:
 @WORDS.finding(Code.SMALL_FIELD, "points")
 def _small_field(share: float) -> Said:
     return Said(
-        f"only {whole(share)} of the photo is calibrated, as far as points say enough",
+        f"only {whole(share)} of the photo is calibrated: beyond, the points say too little",
         do="mark points nearer to the rim, if the lens shows more than that",
     )
 
@@ -78,5 +78,5 @@ def _extrapolated(covered_deg: float, around_deg: float, edge_px: float) -> Said
 def _many_outliers(dropped: int, corners: int) -> Said:
     return Said(
         f"{dropped} of {corners} points are outliers and were left out",
-        do="look for points whose X, Y, Z are another's",
+        do="look for points with wrong coordinates X, Y, Z",
     )

@@ -101,10 +101,10 @@ _ORDERS: Mapping[Order, str] = {
     "columns_backwards": "columns are counted the other way round",
     "rows_backwards": "rows are counted the other way round",
     "half_a_turn": "corners are counted from the opposite corner (the board is turned by 180°)",
-    "exchanged": "rows and columns are exchanged",
-    "exchanged_size": "rows and columns are exchanged: corners: [{columns}, {rows}] for [{rows}, "
+    "exchanged": "rows and columns are swapped",
+    "exchanged_size": "rows and columns are swapped: corners: [{columns}, {rows}] for [{rows}, "
     "{columns}]",
-    "a_quarter_turn": "turned by 90° from how the target has it",
+    "a_quarter_turn": "the board is turned by 90° relative to the target",
     "x_axis": "x_axis points the wrong way",
     "y_axis": "y_axis points the wrong way",
     "both_axes": "x_axis and y_axis point the wrong way",
@@ -167,13 +167,13 @@ def _board_order_of_photos(board: str, order: Order, photos: int, error_px: floa
 
 @WORDS.finding(Code.BOARD_NAMES)
 def _board_names(boards: Names) -> Said:
-    do = "exchange them in target.yaml, or in corners.csv, and calibrate again"
-    return Said(f"the names of boards {boards[0]} and {boards[1]} are exchanged", do=do)
+    do = "swap them in target.yaml, or in corners.csv, and calibrate again"
+    return Said(f"the names of boards {boards[0]} and {boards[1]} are swapped", do=do)
 
 
 @WORDS.finding(Code.BOARD_NAMES, "places")
 def _board_names_places(boards: Names) -> Said:
-    return Said(f"the places of boards {boards[0]} and {boards[1]} are exchanged", do=_RERUN)
+    return Said(f"the places of boards {boards[0]} and {boards[1]} are swapped", do=_RERUN)
 
 
 @WORDS.finding(Code.BOARD_NAMES, "of_photos")
@@ -188,7 +188,7 @@ def _board_place(
 ) -> Said:
     where = f"lies {shift:.2g} {units} / {turn_deg:.1f}° from where target.yaml puts it"
     of = f"boards {listed(both, 'boards')}: " if case in ("of_two", "of_two_and_square") else ""
-    squares = f", its squares {percent(off)} off"
+    squares = f", and its squares are off by {percent(off)}"
     resized = case in ("and_square", "of_two_and_square")
     return Said(f"{of}board {board} {where}{squares * resized}", do=_MEASURE)
 
@@ -202,15 +202,15 @@ def _board_place_found(boards: Names) -> Said:
 @WORDS.finding(Code.BOARD_PLACE, "not_found")
 def _board_place_not_found(boards: Names) -> Said:
     return Said(
-        f"{listed(boards, 'boards')} {pick(boards, 'is', 'are')} left out: where "
-        f"{pick(boards, 'it is', 'they are')} could not be measured",
+        f"{listed(boards, 'boards')} {pick(boards, 'is', 'are')} left out: "
+        f"{pick(boards, 'its place', 'their places')} could not be measured",
         do="take at least three photos that show two boards at a time, one of them whole",
     )
 
 
 @WORDS.finding(Code.FITS_NOWHERE, "many_grids")
 def _many_grids_left_out(left_out: int, grids: int, unseen: str = "") -> Said:
-    none = f", and nothing of {unseen} is used" if unseen else ""
+    none = f", among them all of {unseen}" if unseen else ""
     return Said(
         f"{left_out} of {grids} grids are left out{none}",
         do="check corners, square, origin and axes of the boards in target.yaml, or say place: "
@@ -221,7 +221,12 @@ def _many_grids_left_out(left_out: int, grids: int, unseen: str = "") -> Said:
 @WORDS.finding(Code.BOARD_PLACE, "in_most")
 def _board_place_in_most(board: str, photos: int) -> Said:
     what = f"board {board} is not where target.yaml puts it relative to the other boards"
-    return Said(what, f"{photos} photos show it, and fit without this board", _MEASURE)
+    return Said(
+        what,
+        f"{plural(photos, 'photo')} {pick(photos, 'shows', 'show')} it, and "
+        f"{pick(photos, 'fits', 'fit')} without this board",
+        _MEASURE,
+    )
 
 
 @WORDS.finding(Code.BOARD_PLACE, "of_photos")
@@ -255,7 +260,7 @@ def _named(
         "columns_backwards": "columns counted backwards",
         "rows_backwards": "rows counted backwards",
         "half_a_turn": "counted from the opposite corner",
-        "exchanged": "rows and columns exchanged",
+        "exchanged": "rows and columns swapped",
         "a_quarter_turn": "turned by 90°",
         "other_board": f"they belong to board {other}",
         "columns": columns,
@@ -279,20 +284,20 @@ def _board_place_moved(board: str, images: Names) -> Said:
 
 @WORDS.finding(Code.BOARD_SQUARE)
 def _board_square(board: str, off: float, real: str) -> Said:
-    what = f"the squares of board {board} are {percent(off)} off, compared with the other boards"
+    what = f"the squares of board {board} are off by {percent(off)}, relative to the other boards"
     return Said(f"{what} ({real})", do=f"measure ten squares of {board}, {CORRECT}")
 
 
 @WORDS.finding(Code.BOARD_SQUARE, "all")
 def _board_square_all(off: float, real: str) -> Said:
-    what = f"the squares of all boards are {percent(off)} off, compared with the distances between"
+    what = f"the squares of all boards are off by {percent(off)}, relative to the distances between"
     return Said(f"{what} boards ({real})", do=f"measure ten squares, {CORRECT}")
 
 
 @WORDS.finding(Code.BOARD_SQUARE, "units", "all_units")
 def _board_square_units(case: str, board: str, times: float, units_mixed: Units, real: str) -> Said:
     boards, of = ("all boards", "") if case == "all_units" else (f"board {board}", f" of {board}")
-    what = f"the square of {boards} is off by a factor of {times:.4g}: "
+    what = f"the squares of {boards} are off by a factor of {times:.4g}: "
     what += f"{_UNITS[units_mixed]} are mixed up"
     return Said(f"{what} ({real})", do=f"measure ten squares{of}, {CORRECT}")
 
@@ -302,7 +307,7 @@ def _board_square_grids(
     board: str, which: Which, times: float, small: bool, units_mixed: Units
 ) -> Said:
     size = f"too {pick(small, 'small', 'large')} by a factor of {times:g}"
-    what = f"{_which(which, board)}: its square is {size}: {_UNITS[units_mixed]} are mixed up"
+    what = f"{_which(which, board)}: squares are {size}: {_UNITS[units_mixed]} are mixed up"
     return Said(what, do=_RERUN)
 
 
@@ -311,8 +316,8 @@ def _board_square_distance(distance_mm: float, square: float, units: str) -> Sai
     away = length_words(distance_mm, "mm")
     size = f"a square of {square:g} {units}" if square else f"a target in {units}"
     return Said(
-        f"with {size} the camera was {away} away (median): is that size right?",
-        do="the lens does not depend on it, but all distances do; give it with its unit",
+        f"{size} puts the camera {away} away (median), which is implausible",
+        do="check the size and its unit: the lens does not depend on it, but all distances do",
     )
 
 
@@ -379,8 +384,8 @@ def _corner_count_squares(
     boards: Names, columns: int, rows: int, drawn_columns: int, drawn_rows: int
 ) -> Said:
     return Said(
-        f"board {listed(boards, 'boards')}: the target seems to count squares, "
-        f"{drawn_columns}x{drawn_rows}, where {columns}x{rows} inner corners are seen",
+        f"{pick(boards, 'board', 'boards')} {listed(boards, 'boards')}: the target seems to count "
+        f"squares, {drawn_columns}x{drawn_rows}, where {columns}x{rows} inner corners are seen",
         f"photos show all of {boards[0]} but its last column and row",
         f"correct {COUNTS}; the camera does not depend on it",
     )
@@ -414,9 +419,11 @@ def _corner_count_markers(
         things, of = "markers", " of inner corners"
         say = f"corners: [{columns}, {rows}] and first_square: {first_square}"
     return Said(
-        f"the {things} of board {board} are laid out in {columns} columns{of}, of which {rows} "
-        f"rows are seen (the target says {drawn_columns}x{drawn_rows})",
-        f"with that, {markers} markers of a photo agree on where the board is",
+        f"the {things} of board {board} fit {plural(columns, 'column')}{of}, of which "
+        f"{plural(rows, 'row')} {pick(rows, 'is', 'are')} visible (the target says "
+        f"{drawn_columns}x{drawn_rows})",
+        f"{plural(markers, 'marker')} of one photo then "
+        f"{pick(markers, 'agrees', 'agree')} on where the board is",
         f"set {say} for it in target.yaml, with more rows if no photo shows all",
     )
 
@@ -440,9 +447,9 @@ def _reduced(
     width: int, height: int, given_width: int, given_height: int, x_px: float, y_px: float
 ) -> Said:
     return Said(
-        f"all corners lie in the upper left of {given_width}x{given_height} pixels, and so does "
-        f"the lens's centre, at ({x_px:.0f}, {y_px:.0f}): were the photos reduced?",
-        f"they would be in a picture of about {width}x{height}",
+        f"all corners, and the lens's centre at ({x_px:.0f}, {y_px:.0f}), lie in the upper left of "
+        f"{given_width}x{given_height} pixels: were the photos reduced?",
+        f"a picture of about {width}x{height} would hold them",
         "give the size of the photos in which the corners were found",
     )
 
@@ -492,7 +499,7 @@ def _markers_printed(
     how, do = seen[printed]
     return Said(
         f"the markers of {pick(boards, 'board', 'boards')} {listed(boards, 'boards')} {how}",
-        f"read like that, one photo shows {corners} corners; read as the target says, none",
+        f"read so, one photo shows {plural(corners, 'corner')}; read as the target says, none",
         do,
     )
 
@@ -558,29 +565,29 @@ def _turned(where: Where, images: Names, rest: Names) -> Said:
 def _photo_lens(images: Names, size_px: float, share: float, worst: str) -> Said:
     return Said(
         f"{listed(images, 'photos')} {pick(images, 'differs', 'differ')} from the other photos by "
-        f"{size_px:.2f} px (RMS): otherwise zoomed, focused or cropped, or camera or target moved "
+        f"{size_px:.2f} px (RMS): different zoom, focus or cropping, or camera or target moved "
         "(rolling shutter)",
         f"this explains {whole(share)} of the squared error of {pick(images, 'it', worst)}",
-        f"leave {pick(images, 'this photo', 'these photos')} out, and look at what was different",
+        f"leave {pick(images, 'this photo', 'these photos')} out, and find out what was different",
     )
 
 
 _ANEW: Mapping[str, tuple[str, str]] = {
     Code.BENT: (
-        "the board bends anew in every photo",
+        "the board bends differently in every photo",
         "glue it to a flat plate (glass, aluminium), and take the photos again",
     ),
     Code.PHOTO_LENS: (
-        "camera or target moves while photos are taken (motion, with a rolling shutter)",
+        "camera or target moves while photos are taken (rolling shutter)",
         "hold both still for each photo; of a film, use frames in which nothing moves, not more of "
         "them",
     ),
     Code.ZOOM: (
-        "the focal length is another in every photo (autofocus)",
+        "the focal length changes from photo to photo (autofocus)",
         "switch autofocus off, and take the photos again",
     ),
     Code.SHIFTED: (
-        "the lens's centre is another in every photo (image stabilisation)",
+        "the lens's centre changes from photo to photo (image stabilisation)",
         "switch stabilisation off, and take the photos again",
     ),
 }
@@ -621,7 +628,7 @@ def _repeats(photos: int, distinct: int, repeats: Names) -> Said:
 @WORDS.finding(Code.ONE_PLACE)
 def _one_place(photos: int, near: float) -> Said:
     return Said(
-        f"all {photos} photos were taken from nearly the same place, and add little to one",
+        f"all {photos} photos were taken from nearly the same place, and show little more than one",
         f"in all of them the target lies in the same place of the picture, to {whole(near)} of its "
         "size",
         "take photos from different sides, near and far, tilted, with the target in every part of "

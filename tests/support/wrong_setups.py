@@ -869,12 +869,12 @@ CASES: tuple[Case, ...] = (
     Case(
         name="two boards' names exchanged, unequal",
         make=lambda rng: names_exchanged(rng, False),
-        says=("exchange",),
+        says=("swap",),
     ),
     Case(
         name="two boards' names exchanged, equal",
         make=lambda rng: names_exchanged(rng, True),
-        says=("exchange",),
+        says=("swap",),
     ),
     Case(
         name="all from one place, three boards",
@@ -891,12 +891,12 @@ CASES: tuple[Case, ...] = (
     Case(
         name="three photos sheared by 1 %",
         make=lambda rng: sheared(rng, 0.01),
-        says=("otherwise.*moved",),
+        says=("different zoom.*moved",),
     ),
     Case(
         name="three photos sheared by 0.3 %",
         make=lambda rng: sheared(rng, 0.003),
-        says=("otherwise.*moved",),
+        says=("different zoom.*moved",),
     ),
     Case(
         name="one photo mirrored among ten, flat board",

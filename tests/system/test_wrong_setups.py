@@ -150,7 +150,7 @@ def test_rows_and_columns_exchanged_in_the_drawing(
 ) -> None:
     said, record = from_photos(run, tmp_path, photos, 0, **{"[9, 6]": "[6, 9]"})
     assert [finding["cause"] for finding in record["findings"]] == ["board_order"]
-    assert "board floor: rows and columns are exchanged: corners: [6, 9] for [9, 6]" in said
+    assert "board floor: rows and columns are swapped: corners: [6, 9] for [9, 6]" in said
 
 
 @pytest.mark.parametrize("drawn", ["[10, 6]", "[9, 7]", "[8, 6]"])

@@ -65,7 +65,7 @@ def _camera_moved(
     given: Mapping[Part, str] = {
         "before": f"that after the move; the earlier {several}",
         "after": f"that before the move; the later {several}",
-        "none": "the mean over all shots; two places explain them little better",
+        "none": "the mean over all shots; two places fit hardly better",
     }
     return Said(
         f"{_either(cameras, case)} moved on the body by {shift:.2g} {units} and {turn_deg:.2g}° "
@@ -162,7 +162,7 @@ def _repeated_shots(shots: int, distinct: int, repeats: Names) -> Said:
 @WORDS.finding(Code.ONE_PLACE, "shots")
 def _one_place(shots: int, near: float) -> Said:
     return Said(
-        f"all {shots} shots show the target from nearly the same place, and add little to one",
+        f"all {shots} shots show the target from nearly the same place, and little more than one",
         f"in all of them it lies in the same place of the picture, to {whole(near)} of its size",
         "take shots from different sides, near and far, tilted",
     )

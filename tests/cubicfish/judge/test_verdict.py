@@ -50,6 +50,14 @@ def reported_of_photos(record: dict[str, Any]) -> list[tuple[Finding, ...]]:
     return [judged.reasons for judged in photo_verdicts(FitRecord.of(record), SIZE)]
 
 
+def test_a_photo_of_a_small_board_is_not_short_of_corners() -> None:
+    """All of a board's twelve corners are what a photo can show: others beside it show fewer."""
+    records = [{"image": f"{i}.png", "rms_px": 0.1, "corners": 12} for i in range(5)]
+    few = {"image": "few.png", "rms_px": 0.1, "corners": 9}
+    reasons = reported_of_photos({"per_image": [*records, few]})
+    assert [[one.code for one in own] for own in reasons] == [*[[]] * 5, [Code.FEW_CORNERS]]
+
+
 def test_a_good_fit_is_good() -> None:
     said = judged(GOOD, SIZE)
     assert (said.level, said.reasons) == ("good", ())

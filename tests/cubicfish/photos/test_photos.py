@@ -319,3 +319,36 @@ def test_an_animation_is_no_photo(tmp_path):
     path.write_bytes(b"RIFF" + struct.pack("<I", len(still) + 10) + b"WEBP" + chunk + still[12:])
     with pytest.raises(PhotoError, match="is an animation: save its pictures one by one"):
         read_picture(path)
+
+
+def _apng(pictures: int) -> bytes:
+    data = cv2.imencode(".png", np.full((4, 5, 3), 90, np.uint8))[1].tobytes()
+    body = b"acTL" + struct.pack(">II", pictures, 0)
+    control = struct.pack(">I", 8) + body + struct.pack(">I", zlib.crc32(body))
+    return data[:33] + control + data[33:]
+
+
+@pytest.mark.parametrize(
+    ("pages", "says"),
+    [
+        ([(50, 40), (50, 40)], "holds several pictures: save them one by one"),
+        ([(50, 40), (25, 20)], None),  # a thumbnail
+    ],
+)
+def test_a_file_of_several_pages_is_no_photo(tmp_path, pages, says):
+    """Only the first would be used, in silence."""
+    path = tmp_path / "pages.tif"
+    cv2.imwritemulti(str(path), [np.full((high, wide, 3), 90, np.uint8) for wide, high in pages])
+    if says is None:
+        assert read_picture(path).mean() == 90
+        return
+    with pytest.raises(PhotoError, match=says):
+        read_picture(path)
+
+
+def test_a_png_file_of_several_pictures_is_an_animation(tmp_path):
+    (tmp_path / "two.png").write_bytes(_apng(2))
+    with pytest.raises(PhotoError, match="is an animation: save its pictures one by one"):
+        read_picture(tmp_path / "two.png")
+    (tmp_path / "one.png").write_bytes(_apng(1))
+    assert read_picture(tmp_path / "one.png").mean() == 90

@@ -853,7 +853,7 @@ def test_a_wrong_square_among_many_photos_is_measured_with_all_of_them(many, mon
     found = calibrate(replace(many, world=world), target=drawn, refine_target="off",
                       hold_out=False).findings  # fmt: skip
     assert [one.code for one in found] == ["board_square"]
-    assert "board wall are -0.99 % off" in render(found[0]).what
+    assert "board wall are off by -0.99 %" in render(found[0]).what
     assert used == [40]
 
 

@@ -235,6 +235,21 @@ def test_a_film_that_counts_no_frames_is_seen_to_be_cut(tmp_path):
         run(cut, tmp_path / "cut.mp4")
 
 
+@pytest.mark.parametrize(("name", "length"), [("ts", 188), ("m2ts", 192)])
+@pytest.mark.parametrize("begun", [0, 50])  # a recording may begin within a packet
+def test_a_film_that_ends_within_a_packet_is_seen_to_be_cut(tmp_path, name, length, begun):
+    """Its last frame was whole, and nothing else says that others are missing."""
+    film, cut = tmp_path / f"film.{name}", tmp_path / f"cut.{name}"
+    write_video(film, audio=False)
+    data = film.read_bytes()
+    assert len(data) % length == 0
+    film.write_bytes(data[-begun:][:begun] + data)
+    run(film, tmp_path / "whole.mp4")
+    cut.write_bytes(film.read_bytes()[:-60])
+    with pytest.raises(PhotoError, match="cut short"):
+        run(cut, tmp_path / "cut.mp4")
+
+
 def test_the_quality_is_the_one_asked_for(tmp_path):
     source = tmp_path / "in.mp4"
     write_video(source)

@@ -45,7 +45,7 @@ def test_one_photo_has_a_line_for_each_grid():
         remark_of("a.jpg", report(Decided.TOO_LARGE, (8, 7))),
     ]
     large = (
-        "corners is left out: larger than every board of the target; if it is a board of the "
+        "corners is left out: it is larger than any board of the target; if it is a board of the "
         "target, correct the corner counts in target.yaml (or --board)"
     )
     assert remark_lines(remarks) == [

@@ -41,7 +41,7 @@ SAID = [
     ("200 of 2200 corners", "which boards"),
     ("900 of 2900 corners", "which boards"),
     ("2 of 3 photos", "again"),
-    ("board left seems stretched by 4.0 %, more than paper", "measure ten"),
+    ("board left seems stretched by 4.0 %, more than is normal", "measure ten"),
 ]
 
 

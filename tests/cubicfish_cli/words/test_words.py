@@ -225,7 +225,7 @@ def test_a_level_is_the_largest_severity() -> None:
 def test_a_board_that_is_named_board_is_the_board() -> None:
     figures = {"off": 0.01, "real": "30 mm for 30.3"}
     reported = Finding(code=Code.BOARD_SQUARE, boards=("board",), figures=figures)
-    assert render(reported).what.startswith("the squares of the board are +1 % off")
+    assert render(reported).what.startswith("the squares of the board are off by +1 %")
 
 
 def test_names_of_users_are_no_templates() -> None:

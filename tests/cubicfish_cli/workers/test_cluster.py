@@ -354,6 +354,7 @@ def test_an_interrupt_cancels_what_has_not_begun(
     [
         ("tcp://127.0.0.1:9", "no scheduler answers at tcp://127.0.0.1:9 ("),
         ("nonsense", "no scheduler answers at nonsense (missing port"),
+        ("", "no scheduler answers at '' (missing port"),
         ("tls://127.0.0.1:9", "no scheduler answers at tls://127.0.0.1:9 ("),
     ],
 )

@@ -142,7 +142,7 @@ def test_known_lenses_stay_and_exchanged_ones_are_named(
         assert (before.camera.P == after.camera.P).all()
     wrong = ["--lens", f"left={rig / 'right'}", "--lens", f"right={rig / 'left'}"]
     said = run(*args, *wrong, "-o", tmp_path / "wrong", code=1).stderr
-    assert "cameras left and right are exchanged" in said
+    assert "cameras left and right are swapped" in said
     assert not (tmp_path / "wrong").exists()
 
 
