@@ -8,7 +8,7 @@ in every figure.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -76,7 +76,7 @@ class RadialCamera(Lens):
         """Normalised radius r(θ): (...,) radians -> (...,)."""
         return kannala_brandt(np.asarray(theta, float), self.k)
 
-    @property
+    @cached_property
     def max_angle(self) -> float:
         """Largest angle to which r(θ) grows, radians, at most π."""
         k1, k2, k3, k4 = self.k

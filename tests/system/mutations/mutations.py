@@ -193,8 +193,8 @@ MUTATIONS = tuple(
         ),
         (
             "cubicfish/sufficiency/knowledge.py",
-            "hessian[own, own] += by_lens.T @ by_lens - cross",
-            "hessian[own, own] += by_lens.T @ by_lens + cross",
+            "by_lens.T @ by_lens - eliminated",
+            "by_lens.T @ by_lens + eliminated",
             "cubicfish_cli/extensions/advice/test_advice",
         ),
         (
