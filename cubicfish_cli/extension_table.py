@@ -88,8 +88,8 @@ class Input:
 
     Attributes:
         among: inputs -> those of them that are of this kind.
-        photos: (those, folder, target, best, run) -> photos of them, at most ``best``, which go
-            into the folder; and why there are no more, in a sentence.
+        photos: (those, folder, target, best, run) -> photos of them (``cubicfish.photos.Photo``),
+            at most ``best``, in files of the folder; and why there are no more, in a sentence.
 
     """
 

@@ -33,6 +33,7 @@ from cubicfish_cli.words.sentences import record_of
 
 if TYPE_CHECKING:
     from cubicfish import Calibration
+    from cubicfish.photos import Photo
 
 # Of more photos than these, some are as good as all.
 _MANY = 200
@@ -115,6 +116,7 @@ def load_inputs(
     most: int | None = None,
     exclude: Sequence[Path] = (),
     unplaced: bool = False,
+    made: Sequence[Photo] = (),
 ) -> Inputs:
     """Read pairs from photos, one corners.csv or one correspondences.csv, which are checked.
 
@@ -127,13 +129,14 @@ def load_inputs(
         most: of more photos than these, those that add most are taken.
         exclude: photos that are left out, by their names or by patterns.
         unplaced: whether the places of the target's boards may be unknown.
+        made: those of the inputs whose pictures are at hand, and are not read again.
 
     Raises:
         CubicfishError: an input cannot be used.
 
     """
     if kind == "photos":
-        loaded = _find_in_photos(inputs, target, run, most, exclude, unplaced)
+        loaded = _find_in_photos(inputs, target, run, most, exclude, unplaced, made)
     elif kind == "corners":
         target_file, file = target.fingerprint(), Fingerprint.of(inputs[0])
         corners = load_corners(
@@ -161,6 +164,7 @@ def _find_in_photos(
     most: int | None,
     exclude: Sequence[Path],
     unplaced: bool,
+    made: Sequence[Photo],
 ) -> Inputs:
     # Tables need no finder of corners, and begin at once without it.
     from cubicfish import detect
@@ -168,6 +172,8 @@ def _find_in_photos(
     target_file = target.fingerprint()
     targets = target.load(run.listener, unplaced=unplaced)
     photos, ended = named_photos(inputs, run.listener, exclude), None
+    pictures = {one.path: one.picture for one in made}
+    photos = [replace(one, picture=pictures.get(one.path)) for one in photos]
     if most is not None and len(photos) > most:
         from cubicfish_cli.films.frame_search import choose_photos
 

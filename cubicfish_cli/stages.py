@@ -27,6 +27,7 @@ from cubicfish_cli.extension_table import Output
 if TYPE_CHECKING:
     from cubicfish import Observations
     from cubicfish.files import Content, Fingerprint
+    from cubicfish.photos import Photo
     from cubicfish_cli.inputs.target_source import TargetSource
     from cubicfish_cli.observe import Inputs
 
@@ -49,7 +50,7 @@ def extension_outputs() -> dict[str, tuple[Place, Output]]:
 
 def photos_of(
     inputs: Sequence[Path], folder: Path, target: TargetSource, most: int | None, run: Run
-) -> tuple[list[Path], str | None]:
+) -> tuple[list[Path], list[Photo], str | None]:
     """Put photos in the place of inputs that extensions make photos of, such as films.
 
     Args:
@@ -60,19 +61,21 @@ def photos_of(
         run: how the work is done.
 
     Returns:
-        The photos, and why there are no more, in a sentence; None where none were made.
+        All photos; those that were made; and why there are no more, in a sentence, or None.
 
     Raises:
         CubicfishError: an input cannot be used.
 
     """
     photos, chosen = list(inputs), None
+    made: list[Photo] = []
     for name, kind in [(name, kind) for name, one in extensions().items() for kind in one.inputs]:
         others = Place(name, kind.among).attempt(photos)
         if others:
-            made, chosen = Place(name, kind.photos).load()(others, folder, target, most, run)
-            photos = [*(path for path in photos if path not in others), *made]
-    return photos, chosen
+            new, chosen = Place(name, kind.photos).load()(others, folder, target, most, run)
+            made += new
+            photos = [*(path for path in photos if path not in others), *(one.path for one in new)]
+    return photos, made, chosen
 
 
 def origin(

@@ -244,7 +244,7 @@ def _make_photos(
     for name, one in zip(names, given, strict=True):
         refuse_no_picture(one, name, DetectionError, kinds=(np.uint8, np.uint16))
     return [
-        Photo(name=name, path=Path(name), picture=np.ascontiguousarray(one))
+        Photo(name=name, path=Path(name), picture=np.ascontiguousarray(one), has_file=False)
         for name, one in zip(names, given, strict=True)
     ]
 

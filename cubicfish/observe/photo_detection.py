@@ -159,7 +159,9 @@ def detect_in_photo(
 
     """
     try:
-        data = PictureFile.read(photo.path).data if photo.picture is None else b""
+        # A photo is known again by its file's bytes, also where its picture is at hand.
+        needed = photo.picture is None or cache is not None
+        data = PictureFile.read(photo.path).data if photo.has_file and needed else b""
         picture = lru_cache(maxsize=1)(partial(_read_picture, photo, data))
         # What is in memory has no bytes to know it by.
         kept = cache if cache and data else GridCache()
@@ -195,7 +197,9 @@ def _list_boards(target: Target | None) -> list[tuple[int, int]]:
 
 
 def _read_picture(photo: Photo, data: bytes) -> Picture:
-    return grey(PictureFile(path=photo.path, data=data).picture()) if data else photo.read_grey()
+    if photo.picture is None and data:
+        return grey(PictureFile(path=photo.path, data=data).picture())
+    return photo.read_grey()
 
 
 def make_refusal(name: str, code: Code, case: str = "", **figures: int | str) -> Finding:

@@ -78,14 +78,16 @@ class Photo:
     Attributes:
         name: what files and reports call it: the file's name, or its path below the photos'
             common folder where two photos have the same file name.
-        path: where it is.
-        picture: what it shows, in the place of the file; None for a photo on disk.
+        path: where it is, or would be.
+        picture: what it shows, so that no file is read; None reads the file.
+        has_file: whether it is in a file.
 
     """
 
     name: str
     path: Path
     picture: Picture | None = field(default=None, compare=False, repr=False)
+    has_file: bool = True
 
     @staticmethod
     def natural_key(text: str) -> tuple[tuple[int, int | str], ...]:

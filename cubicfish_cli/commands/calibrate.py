@@ -314,7 +314,7 @@ def _observe(options: CalibrateOptions, run: Run) -> Inputs:
 
     source, most, size = options.source, options.most, options.image_size
     frames = Path(options.folder) / FRAMES
-    photos, chosen = photos_of(options.paths, frames, source, most, run)
+    photos, made, chosen = photos_of(options.paths, frames, source, most, run)
     observed = load_inputs(
         options.kind,
         photos,
@@ -324,6 +324,7 @@ def _observe(options: CalibrateOptions, run: Run) -> Inputs:
         most=most,
         exclude=paths_of(options.exclude),
         unplaced=True,
+        made=made,
     )
     run.listener.found(observed.photo_findings)
     return replace(observed, chosen=observed.chosen or chosen)

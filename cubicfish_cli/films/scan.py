@@ -128,7 +128,8 @@ def _keep(frame: Any, path: Path, before: int) -> Photo:
     """Keep a frame in memory, or beside so many others in a file, whose suffix this adds."""
     size = 3 * frame.width * frame.height
     if (before + 1) * size <= _MOST_HELD:
-        return Photo(name=path.name, path=path, picture=_picture_of(frame))
+        picture = _picture_of(frame)
+        return Photo(name=path.name, path=path, picture=picture, has_file=False)
     path = path.with_suffix(_PLAIN if (before + 1) * size <= _MOST_HELD + _MOST_PLAIN else ".png")
     write_frame(path, frame)
     return Photo(name=path.name, path=path)

@@ -74,6 +74,8 @@ class _Shown(Listener):
 
     def tell(self, event: Told, **figures: Any) -> None:
         self.interrupt()
+        if verbosity() < 0:
+            return  # the words of all extensions are not loaded for what nobody reads
         from cubicfish_cli.words.sentences import render_event
 
         print_message(render_event(event, figures))

@@ -5,6 +5,7 @@ import numpy as np
 
 from cubicfish.find.detection.crossing import Crossings
 from cubicfish.find.detection.lattice import Lattice, neighbours
+from cubicfish.find.detection.medians import median
 from cubicfish.types import BoolArray, FloatArray, IntArray
 
 # Chance closes single squares now and then: random black and white cells make four whole squares
@@ -75,7 +76,7 @@ def median_miss(lattice: Lattice, cells: IntArray) -> float:
     """
     fit = lattice.fit(cells, without_itself=True)
     miss = fit.cells_away(lattice.at(cells))[fit.sound] / (1 + np.sqrt(fit.leverage[fit.sound]))
-    return float(np.median(miss)) if len(miss) else np.nan
+    return median(miss) if len(miss) else np.nan
 
 
 def is_regular(lattice: Lattice, cells: IntArray) -> bool:
@@ -119,15 +120,15 @@ def is_board(lattice: Lattice, cells: IntArray, found: Crossings) -> bool:
     if not len(unlikeness):
         return False
     side = np.maximum(lattice.fit(cells).side, 1.0)
-    blur = float(np.median(found.blur.max(1) / side))
+    blur = median(found.blur.max(1) / side)
     score = np.array(
         [
             median_miss(lattice, every) / MOST_MISS,
             blur / USUAL_BLUR,
-            np.median(unlikeness) / _CONTRAST,
-            np.median(_measure_gap_scatter(found.gap, lattice.sign(cells)) / side) / _GAP,
-            np.median(found.turn) / _TURN,
-            max(0.0, -_find_middle_gap(found.gap, lattice.sign(cells)) / np.median(side))
+            median(unlikeness) / _CONTRAST,
+            median(_measure_gap_scatter(found.gap, lattice.sign(cells)) / side) / _GAP,
+            median(found.turn) / _TURN,
+            max(0.0, -_find_middle_gap(found.gap, lattice.sign(cells)) / median(side))
             / _PULLED_BACK,
         ]
     )
@@ -151,7 +152,7 @@ def _measure_unlikeness(lattice: Lattice, cells: IntArray) -> FloatArray:
 
 def _find_middle_gap(gap: FloatArray, sign: IntArray) -> float:
     """The gap that corners of both colours have: a moved camera parts one and joins the other."""
-    of_colour = [np.median(gap[sign == colour]) for colour in (-1, 1) if (sign == colour).any()]
+    of_colour = [median(gap[sign == colour]) for colour in (-1, 1) if (sign == colour).any()]
     return float(np.mean(of_colour))
 
 
@@ -161,5 +162,5 @@ def _measure_gap_scatter(gap: FloatArray, sign: IntArray) -> FloatArray:
     for colour in (-1, 1):
         of_colour = sign == colour
         if of_colour.any():
-            scatter[of_colour] = np.abs(gap[of_colour] - np.median(gap[of_colour]))
+            scatter[of_colour] = np.abs(gap[of_colour] - median(gap[of_colour]))
     return scatter

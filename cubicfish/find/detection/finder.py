@@ -18,6 +18,7 @@ import numpy.typing as npt
 from cubicfish.find.detection.follow import SAME, SMALL_PX, follow, in_order, size_of
 from cubicfish.find.detection.grids import FoundGrids
 from cubicfish.find.detection.ladder import Box, Ladder, join_boxes
+from cubicfish.find.detection.medians import median
 from cubicfish.find.detection.nearby import nearest
 from cubicfish.find.detection.pyramid import (
     CLOSE,
@@ -138,7 +139,7 @@ def _choose_boxes(
     """
     boxes = []
     for piece in [piece for result in results for piece in result.pieces]:
-        side = float(np.median(nearest(piece, piece, 2)[0][:, 1]))
+        side = median(nearest(piece, piece, 2)[0][:, 1])
         pixel = enlarged(piece, zoom)
         if side < SMALL_PX and not any(_is_beside(pixel, one) for one in found):
             margin = max(_AROUND * float(np.ptp(piece, axis=0).max()), _LEAST_AROUND * side)

@@ -18,6 +18,7 @@ from cubicfish.find.detection.grids import Grid, Rows
 from cubicfish.find.detection.growth import clean, grow
 from cubicfish.find.detection.ladder import Ladder
 from cubicfish.find.detection.lattice import Lattice
+from cubicfish.find.detection.medians import median
 from cubicfish.find.detection.nearby import Tree, nearest
 from cubicfish.find.detection.pyramid import CLOSE, Pyramid, enlarged
 from cubicfish.find.detection.refine import (
@@ -92,9 +93,9 @@ def follow(ladder: Ladder, seen: Seen, sizes: Collection[tuple[int, int]]) -> Gr
     """
     lattice, zoom = seen.lattice, seen.zoom
     places = [_Places.of(seen.found, zoom)]
-    last = np.ceil(np.median(places[0].window) / LARGEST_HALF)
+    last = np.ceil(median(places[0].window) / LARGEST_HALF)
     last = min(max(float(last), ladder.finest), zoom)
-    if np.median(least_window(seen.found)) > USUAL_HALF and ladder.is_possible(2 * zoom):
+    if median(least_window(seen.found)) > USUAL_HALF and ladder.is_possible(2 * zoom):
         zoom = _change(ladder, lattice, zoom, 2 * zoom)
         before = lattice.pixel[lattice.known]
         if size_of(lattice) not in sizes and _grow(ladder.at(zoom), lattice):
@@ -173,7 +174,7 @@ def _add_close(ladder: Ladder, lattice: Lattice) -> Lattice:
     """
     lattice.make_room()
     cells, pixel = lattice.cells(), lattice.at(lattice.cells())
-    if np.median(lattice.fit(cells).side) > SMALL_PX:
+    if median(lattice.fit(cells).side) > SMALL_PX:
         return lattice
     larger = copy.deepcopy(lattice)
     _change(ladder, larger, 1, CLOSE)

@@ -25,7 +25,7 @@ class Rows:
 
     def select(self, rows: BoolArray | IntArray | slice) -> Self:
         """Take some rows."""
-        return replace(self, **{one.name: getattr(self, one.name)[rows] for one in fields(self)})
+        return type(self)(**{one.name: getattr(self, one.name)[rows] for one in fields(self)})
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:

@@ -15,6 +15,7 @@ from cubicfish.find.detection.links import (
     edge_difference,
     edge_is_seen,
 )
+from cubicfish.find.detection.medians import medians
 from cubicfish.find.detection.nearby import Tree, nearest
 from cubicfish.find.detection.pyramid import Pyramid
 from cubicfish.find.detection.saddle import fit_saddles
@@ -96,7 +97,8 @@ def measure_half_gap(
     bleeds. The arguments are those of :func:`quadrants`.
     """
     square = _sample_diagonals(pyramid, pixel, fit, sign, np.full(len(pixel), 1.0), _PROFILE)
-    level = 0.5 * (np.median(square.bright, axis=(1, 2)) + square.dark[..., _DEEP].mean((1, 2)))
+    bright = medians(square.bright.reshape(len(pixel), -1), axis=1)
+    level = 0.5 * (bright + square.dark[..., _DEEP].mean((1, 2)))
     begins = _PROFILE[np.argmax(square.dark < level[:, None, None], axis=2)]
     return np.asarray((begins - _PROFILE[0]) * fit.side[:, None], float)
 

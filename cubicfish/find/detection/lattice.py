@@ -6,9 +6,11 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+import cv2
 import numpy as np
 
 from cubicfish.find.detection.grids import Grid, Rows
+from cubicfish.find.detection.medians import median
 from cubicfish.types import BoolArray, FloatArray, IntArray
 
 
@@ -37,6 +39,7 @@ _RIDGE = np.diag([1e-9, 1e-6, 1e-6, 0.005, 0.005, 0.005])
 _CENTRE = len(_WINDOW) // 2
 MARGIN = _HALF_WIDTH + 1
 _MOST_CLEANINGS = 10
+_BESIDE = np.ones((3, 3), np.uint8)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -174,7 +177,10 @@ class CornerMap(ABC):
         """Sum of a map over the cells within :attr:`half_width` of each cell."""
         half_width = self.half_width
         around = 2 * half_width + 1
-        total = np.cumsum(np.cumsum(np.pad(values, ((half_width + 1, half_width),) * 2), 0), 1)
+        total = np.zeros(np.add(values.shape, around))
+        total[half_width + 1 : -half_width, half_width + 1 : -half_width] = values
+        np.cumsum(total, 0, out=total)
+        np.cumsum(total, 1, out=total)
         return (
             total[around:, around:]
             - total[:-around, around:]
@@ -204,7 +210,7 @@ class CornerMap(ABC):
             # neighbourhood goes.
             spread = np.zeros(known.shape)
             spread[cells[:, 0], cells[:, 1]] = miss
-            worst = np.lib.stride_tricks.sliding_window_view(np.pad(spread, 1), (3, 3)).max((2, 3))
+            worst = cv2.dilate(spread, _BESIDE)
             bad = (miss > most_miss) & (miss >= worst[cells[:, 0], cells[:, 1]])
             bad |= neighbours(known)[cells[:, 0], cells[:, 1]] == 0
             if not bad.any():
@@ -214,8 +220,12 @@ class CornerMap(ABC):
 
 def neighbours(known: BoolArray) -> IntArray:
     """How many of the four cells beside each cell (I, J) are known."""
-    padded = np.pad(known, 1).astype(int)
-    return padded[2:, 1:-1] + padded[:-2, 1:-1] + padded[1:-1, 2:] + padded[1:-1, :-2]
+    count = np.zeros(known.shape, int)
+    count[1:] += known[:-1]
+    count[:-1] += known[1:]
+    count[:, 1:] += known[:, :-1]
+    count[:, :-1] += known[:, 1:]
+    return count
 
 
 @dataclass(kw_only=True, eq=False)
@@ -263,7 +273,7 @@ class Lattice(CornerMap):
 
     def set_gap(self, cells: IntArray, gap: FloatArray) -> None:
         """Set half the gap from what corners show of it: (N, 2), for (N, 2) cells, pixels."""
-        self.half_gap = float(np.median(gap)) if len(cells) else 0.0
+        self.half_gap = median(gap) if len(cells) else 0.0
 
     def apart(self, cells: IntArray, pixel: FloatArray) -> FloatArray:
         """Where corners (N, 2) lie that may be in each other's way: (N, 2 or more)."""
@@ -313,11 +323,13 @@ class Lattice(CornerMap):
         cells = self.cells()
         origin = cells.min(0)
         steps = np.concatenate([np.diff(self.pixel, axis=axis).reshape(-1, 2) for axis in (0, 1)])
+        length = np.hypot(steps[:, 0], steps[:, 1])
+        length = length[~np.isnan(length)]
         return Grid(
             cells=cells - origin,
             pixel=self.at(cells),
             parity=int(self.sign(origin[None])[0]),
-            step=float(np.nanmedian(np.hypot(steps[:, 0], steps[:, 1]))),
+            step=median(length) if len(length) else np.nan,
             contrast=self.contrast[cells[:, 0], cells[:, 1]],
         )
 

@@ -330,7 +330,8 @@ def _agreeing(markers: SeenMarkers, target: Target) -> dict[int, BoolArray]:
         own = markers.of(index)
         label = group_agreeing(own, target.boards[index])
         agreeing = {
-            place: len(np.unique(own.cell[label == place], axis=0)) for place in label.tolist()
+            place: len(np.unique(own.cell[label == place], axis=0))
+            for place in dict.fromkeys(label.tolist())
         }
         place = max(agreeing, key=lambda one: agreeing[one])
         if agreeing[place] >= _AGREEING:

@@ -22,6 +22,7 @@ from cubicfish.find.detection.markers_read import (
     read_alone,
     shortest_side,
 )
+from cubicfish.find.detection.medians import median
 from cubicfish.find.detection.nearby import connected, nearest
 
 # Outlines of markers whose modules are larger are found in a photo, and so are those in its double.
@@ -145,7 +146,7 @@ def small_boards(sight: Sight, found: Named) -> list[tuple[int, Part]]:
     for piece in found.pieces:
         lattice = piece.lattice
         cells = lattice.cells()
-        side = float(np.median(lattice.fit(cells).side))
+        side = median(lattice.fit(cells).side)
         modules = side * _module_side(sight, piece.board) < _SMALL_MODULE_PX
         if not modules or side > lattice.least_side or not len(OpenEnds.of(sight.pyramid, lattice)):
             continue

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish.find.detection.grids import Float32Array, Rows
+from cubicfish.find.detection.medians import medians
 from cubicfish.find.detection.pyramid import (
     CLOSE,
     Pyramid,
@@ -193,7 +194,8 @@ def find_outlines(photo: Float32Array, all_families: list[Family], zoom: float =
     if min(photo.shape) < _SMALLEST_PHOTO_PX * zoom:
         return np.zeros((0, 4, 2))
     modules = min(family.size + 2 * family.border for family in all_families)
-    small = np.clip(np.rint(reduced(photo, zoom)), 0, 255).astype(np.uint8)
+    # Rounded, and held to 255 at most.
+    small = cv2.convertScaleAbs(np.maximum(reduced(photo, zoom), np.float32(0)))
     # A dictionary of one marker that is nobody's.
     code = cv2.aruco.Dictionary.getByteListFromBits(np.eye(4, dtype=np.uint8))
     parameters = cv2.aruco.DetectorParameters()
@@ -229,9 +231,9 @@ def straightened(pyramid: Pyramid, outline: FloatArray) -> FloatArray:
     best = rise.argmax(axis=-1)
     # The edge's distance at both ends of each side, from a line that most of its points agree on.
     distance = across[best + 2] * search_px[:, None, None]
-    middle = np.median(distance, axis=2)
+    middle = medians(distance, axis=2)
     slopes = (distance[..., 4:] - distance[..., :3]) / (along[4:] - along[:3])
-    slope = np.median(slopes, axis=2)
+    slope = medians(slopes, axis=2)
     first = outline + (middle - 0.5 * slope)[..., None] * outward
     second = following + (middle + 0.5 * slope)[..., None] * outward
     corner = _find_crossing(np.roll(first, 1, axis=1), np.roll(second, 1, axis=1), first, second)

@@ -18,6 +18,7 @@ from cubicfish.find.detection.lattice import (
     window,
 )
 from cubicfish.find.detection.markers_saddles import corners_near
+from cubicfish.find.detection.medians import medians
 from cubicfish.find.detection.nearby import Tree, nearest
 from cubicfish.find.detection.pyramid import Pyramid
 from cubicfish.find.detection.refine import refine_corners
@@ -211,7 +212,7 @@ class BoardLattice(CornerMap):
         shown = (level[..., 0] - level[..., 1]) * sign[:, None, None]
         shown *= np.array([1, 1, -1, -1])[:, None]
         shown = shown.reshape(len(pixel), 4 * len(_ARM_PX))
-        return shown.min(axis=1) > _ARM_CONTRAST * np.median(shown, axis=1)
+        return shown.min(axis=1) > _ARM_CONTRAST * medians(shown, axis=1)
 
 
 def grow(pyramid: Pyramid, lattice: BoardLattice, free: Tree) -> None:

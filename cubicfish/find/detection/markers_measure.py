@@ -15,6 +15,7 @@ from cubicfish.find.detection.markers_read import (
     middles_and_axes,
     read_alone,
 )
+from cubicfish.find.detection.medians import median
 from cubicfish.find.detection.pyramid import build_pyramid
 from cubicfish.target.boards.board import Board
 from cubicfish.target.target import Target
@@ -45,7 +46,7 @@ def with_sides_seen(target: Target, alone: SeenMarkers) -> Target | None:
         times = (seen * expected).sum(axis=1) / np.square(expected).sum(axis=1)
         off = np.linalg.norm(seen - times[:, None] * expected, axis=1)
         straight = (times > 1) & (off < _STRAIGHT * np.linalg.norm(seen, axis=1))
-        side = board.square / np.median(times[straight]) if straight.any() else 0.0
+        side = board.square / median(times[straight]) if straight.any() else 0.0
         enough = straight.sum() >= 2 * _FEWEST_PAIRS
         if enough and abs(np.log(side / board.markers.side)) > _SIDE_OFF:
             changed[index] = replace(board, markers=replace(board.markers, side=side))

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish.find.detection.grids import Float32Array
+from cubicfish.find.detection.medians import median
 from cubicfish.types import FloatArray
 
 # Side of the smallest level: below it there is no room for a ring test.
@@ -153,16 +154,17 @@ def estimate_noise(image: npt.NDArray[np.generic]) -> float:
         return 0.0
     every = max(1, round(np.sqrt(image.size / _NOISE_SAMPLES)))
     height, width = image.shape
-    filtered = np.zeros(image[1 : height - 1 : every, 1 : width - 1 : every].shape, np.float32)
-    for y, down in enumerate((1, -2, 1)):
-        for x, across in enumerate((1, -2, 1)):
-            part = image[y : height - 2 + y : every, x : width - 2 + x : every]
-            filtered += np.float32(down * across) * np.asarray(part, np.float32)
+    above, here, below = (
+        np.asarray(image[y : height - 2 + y : every], np.float32) for y in range(3)
+    )
+    down = above - 2 * here + below
+    left, middle, right = (down[:, x : width - 2 + x : every] for x in range(3))
+    filtered = left - 2 * middle + right
     sampled = np.abs(filtered)
     counted = sampled[sampled > 0]
     if counted.size < 0.05 * sampled.size:
         return 0.0
-    return float(np.median(counted)) / (0.6745 * 6.0)
+    return median(counted) / (0.6745 * 6.0)
 
 
 def build_pyramid(grey: npt.NDArray[np.generic]) -> Pyramid:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from cubicfish.find.detection.crossing import ROUNDS, Crossings, Gaps, Quiet, fit_crossings
 from cubicfish.find.detection.lattice import LocalFit
+from cubicfish.find.detection.medians import medians
 from cubicfish.find.detection.nearby import nearest
 from cubicfish.find.detection.pyramid import Pyramid
 from cubicfish.find.detection.saddle import fit_saddles
@@ -160,8 +161,8 @@ def _find_odd_gaps(
         if group.sum() >= _AROUND:
             around = nearest(start[group], start[group], _AROUND)[1]
             gap = found.gap[group][around]
-            mean[group] = np.median(gap, axis=1)
-            scatter = np.median(np.abs(gap - mean[group, None]), axis=1)
+            mean[group] = medians(gap, axis=1)
+            scatter = medians(np.abs(gap - mean[group, None]), axis=1)
             spread[group] = np.maximum(1.5 * scatter, _GAP_SPREAD)
     rows = np.nonzero(np.abs(found.gap - mean) > 2 * spread)[0]
     rows = rows[~_does_bleed_more(image, found.select(rows), mean[rows], noise)]
@@ -263,7 +264,7 @@ def refine_corners(
         seen,
         side[rows],
         np.hypot(*(found.pixel - pixel[rows]).T),
-        np.median(measures(found, seen)[index], axis=1),
+        medians(measures(found, seen)[index], axis=1),
         pyramid.noise,
         MOST_TURN if clean is None else MOST_TURN_MARKED,
     )

@@ -128,14 +128,14 @@ def _take_newton_step(patch: FloatArray, u: FloatArray) -> tuple[FloatArray, Boo
     # part[j, i] belongs to power j along y times power i along x.
     along = np.einsum("yxm,ixm->iym", patch, power[:, 0])
     part = np.einsum("iym,jym->jim", along, power[:, 1])
-    last = lean * mean - level
-    a = (part[0, 2] - lean[0] * part[0, 1] + last[0] * part[0, 0]) / (zeroth[1] * norm_2[0])
-    c = (part[2, 0] - lean[1] * part[1, 0] + last[1] * part[0, 0]) / (zeroth[0] * norm_2[1])
-    by_x = part[0, 1] - mean[0] * part[0, 0]
-    by_y = part[1, 0] - mean[1] * part[0, 0]
-    b = (part[1, 1] - mean[0] * part[1, 0] - mean[1] * by_x) / (norm_1[1] * norm_1[0])
-    d = by_x / (zeroth[1] * norm_1[0]) - lean[0] * a - mean[1] * b
-    e = by_y / (zeroth[0] * norm_1[1]) - lean[1] * c - mean[0] * b
-    determinant = 4 * a * c - b * b
+    # Both axes at once: the squares' factors a and c, the mixed one's b, the linear ones' d and e.
+    whole, linear, other = part[0, 0], part[[0, 1], [1, 0]], zeroth[::-1]
+    squares = part[[0, 2], [2, 0]] - lean * linear + (lean * mean - level) * whole
+    squares /= other * norm_2
+    linear -= mean * whole
+    b = (part[1, 1] - mean[0] * part[1, 0] - mean[1] * linear[0]) / (norm_1[0] * norm_1[1])
+    slopes = linear / (other * norm_1) - lean * squares - mean[::-1] * b
+    determinant = 4 * squares[0] * squares[1] - b * b
     safe = np.where(determinant < 0, determinant, -1.0)
-    return np.stack([b * e - 2 * c * d, b * d - 2 * a * e]) / safe, determinant < 0
+    step = (b * slopes[::-1] - 2 * squares[::-1] * slopes) / safe
+    return step, determinant < 0

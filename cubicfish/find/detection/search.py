@@ -20,6 +20,7 @@ from cubicfish.find.detection.crossing import Crossings
 from cubicfish.find.detection.growth import clean, grow, measure_contrast
 from cubicfish.find.detection.lattice import Lattice, window
 from cubicfish.find.detection.links import Patch, find_patches
+from cubicfish.find.detection.medians import median
 from cubicfish.find.detection.nearby import Tree, nearest
 from cubicfish.find.detection.pyramid import Pyramid, enlarged
 from cubicfish.find.detection.refine import measures, refine_pixels, whole_corners
@@ -180,8 +181,8 @@ def is_beyond_chance_among(lattice: Lattice, crossings: XCorners, zoom: float = 
 
     """
     cells = lattice.cells()
-    side = zoom * float(np.median(lattice.fit(cells).side))
-    contrast = _LIKE_CONTRAST * float(np.median(lattice.contrast[lattice.known]))
+    side = zoom * median(lattice.fit(cells).side)
+    contrast = _LIKE_CONTRAST * median(lattice.contrast[lattice.known])
     like = crossings.radius >= min(_LIKE_SHARE * side, _FAR_PX)
     like &= crossings.contrast >= contrast
     return is_beyond_chance(len(cells), int(like.sum()))

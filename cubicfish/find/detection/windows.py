@@ -15,7 +15,9 @@ def group_windows(radius: IntArray) -> list[tuple[int, IntArray]]:
         For each group the radius that serves all of it, and which windows are in it.
 
     """
-    sizes, counts = np.unique(radius, return_counts=True)
+    counts = np.bincount(radius)
+    sizes = np.flatnonzero(counts)
+    counts = counts[sizes]
     pixels = (2 * sizes + 1) ** 2
     last = np.ones(len(sizes), bool)  # of the sizes of a group: the one that serves all
     carried = spent = 0

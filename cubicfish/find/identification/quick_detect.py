@@ -25,6 +25,7 @@ from cubicfish.find.detection.growth import clean
 from cubicfish.find.detection.links import find_patches
 from cubicfish.find.detection.markers import MarkedCorners, outlined_corners
 from cubicfish.find.detection.markers_read import marker_ratio
+from cubicfish.find.detection.medians import median
 from cubicfish.find.detection.nearby import nearest
 from cubicfish.find.detection.pyramid import SMALLEST_SIDE, build_pyramid, enlarged, reduced
 from cubicfish.find.detection.saddle import fit_saddles
@@ -298,7 +299,7 @@ def _overlap(one: IntArray, other: IntArray) -> bool:
 def _same(grid: Grid, other: Grid) -> bool:
     """Tell whether two grids are of one board: corners of one are corners of the other."""
     distance, _ = nearest(grid.pixel, other.pixel, 1)
-    return bool(np.median(distance) < _WINDOW * grid.step)
+    return bool(median(distance) < _WINDOW * grid.step)
 
 
 def _joined(parts: Sequence[QuickDetection], coarse: QuickDetection) -> QuickDetection:

@@ -54,6 +54,7 @@ class Scene:
         other_colours: whether the photos show the only board's colours exchanged.
         camera: the lens so far; None where there is none.
         poses: where each grid is under a lens; None where it is no plane of squares.
+        placed_under: the lens that they were placed under, all but those that were cut since.
 
     """
 
@@ -66,6 +67,7 @@ class Scene:
     other_colours: bool
     camera: RadialCamera | None = None
     poses: Sequence[GridPose | None] = ()
+    placed_under: RadialCamera | None = None
 
     @classmethod
     def of(
@@ -98,7 +100,9 @@ class Scene:
 
     def placed(self) -> Scene:
         """The same with all grids where they are under the lens."""
-        return replace(self, poses=self._find_poses(self.grids))
+        if self.camera is not None and self.placed_under is self.camera:
+            return self
+        return replace(self, poses=self._find_poses(self.grids), placed_under=self.camera)
 
     def with_grids(self, others: Mapping[int, Grid]) -> Scene:
         """The same with other grids in the place of some, where they are under the lens."""

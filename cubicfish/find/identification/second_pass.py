@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from cubicfish.errors import FitError
 from cubicfish.find.detection.grids import round_pixels
+from cubicfish.find.detection.medians import medians
 from cubicfish.find.detection.nearby import nearest
 from cubicfish.find.detection.pyramid import Pyramid, build_pyramid, measure_noise
 from cubicfish.find.detection.refine import refine_corners
@@ -206,7 +207,7 @@ def _find_shared_miss(
         if known.any():
             rows = board == index
             _, beside = nearest(pixel[rows], fit.pairs.pixel[known], _BESIDE)
-            miss[rows] = np.median(fit.residual[known][beside], axis=1)
+            miss[rows] = medians(fit.residual[known][beside], axis=1)
     return miss
 
 

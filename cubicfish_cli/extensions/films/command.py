@@ -23,6 +23,7 @@ from cubicfish_cli.words.phrases import plural, shell_line
 
 if TYPE_CHECKING:
     from cubicfish import Target
+    from cubicfish.photos import Photo
 
 
 @record
@@ -100,6 +101,11 @@ def choose_frames(options: FramesOptions, *, run: Run = Run()) -> ChosenFrames:
             not installed.
 
     """
+    return _choose_frames(options, run)[0]
+
+
+def _choose_frames(options: FramesOptions, run: Run) -> tuple[ChosenFrames, list[Photo]]:
+    """Choose and write frames: what is told of them, and the frames themselves."""
     from cubicfish_cli.extensions.films.frames import chosen_of, scanned
     from cubicfish_cli.extensions.films.written import SHEET, write_chosen
     from cubicfish_cli.films.scan import room_for_frames
@@ -116,8 +122,12 @@ def choose_frames(options: FramesOptions, *, run: Run = Run()) -> ChosenFrames:
         plan.writes(*(folder / frame.photo.name for frame in chosen.taken), within=folder)
         run.listener.progress("Writing frames")
         write_chosen(folder, chosen, plan)
-    return ChosenFrames(
-        photos=tuple(folder / frame.photo.name for frame in chosen.taken),
+    photos = [
+        replace(frame.photo, path=folder / frame.photo.name, has_file=True)
+        for frame in chosen.taken
+    ]
+    told = ChosenFrames(
+        photos=tuple(photo.path for photo in photos),
         sheet=folder / SHEET,
         frames=sum(map(len, measured)),
         looked_at=chosen.looked_at,
@@ -135,6 +145,7 @@ def choose_frames(options: FramesOptions, *, run: Run = Run()) -> ChosenFrames:
             for one in measured
         ),
     )
+    return told, photos
 
 
 def _expand(films: StrPath | Sequence[StrPath]) -> list[Path]:
@@ -152,7 +163,7 @@ def _expand(films: StrPath | Sequence[StrPath]) -> list[Path]:
 
 def frames_of(
     films: Sequence[Path], folder: Path, target: TargetSource, best: int | None, run: Run
-) -> tuple[Sequence[Path], str]:
+) -> tuple[Sequence[Photo], str]:
     """Choose frames of films that a camera is calibrated from.
 
     Args:
@@ -163,7 +174,7 @@ def frames_of(
         run: how the work is done.
 
     Returns:
-        The frames' files, and why no more were chosen, in a sentence.
+        The frames, and why no more were chosen, in a sentence.
 
     Raises:
         CubicfishError: a film cannot be used.
@@ -171,10 +182,10 @@ def frames_of(
     """
     target = replace(target, by_default=False)  # the listener hears it where corners are found
     options = FramesOptions(films=films, folder=folder, target=target, most=best or MOST)
-    chosen = choose_frames(options, run=run)
+    chosen, photos = _choose_frames(options, run)
     figures = {"chosen": len(chosen.photos), "frames": chosen.frames, "folder": folder}
     run.listener.tell(Event.FRAMES_CHOSEN, **figures, ended=chosen.ended)
-    return chosen.photos, chosen.ended
+    return photos, chosen.ended
 
 
 @as_command(

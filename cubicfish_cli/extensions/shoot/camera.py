@@ -128,7 +128,11 @@ class Camera(Thread):
         """Take the best frame since the last was taken, as the photo of a path; None without."""
         with self._changed:
             best, self._best = self._best, None
-        return None if best is None else Photo(name=path.name, path=path, picture=best[1])
+        return (
+            None
+            if best is None
+            else Photo(name=path.name, path=path, picture=best[1], has_file=False)
+        )
 
     def live(self, after: int, seconds: float) -> tuple[int, bytes]:
         """Wait for the next live picture after a number: its own number, and a JPEG file."""

@@ -3,14 +3,15 @@
 import shutil
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from cubicfish.find.detection.grids import FoundGrids, Grid
 from cubicfish.observe import photo_detection
 from cubicfish.observe.detection import first_pass
-from cubicfish.observe.photo_detection import GridCache
-from cubicfish.photos.photos import find_photos
+from cubicfish.observe.photo_detection import GridCache, detect_in_photo
+from cubicfish.photos.photos import Photo, PictureFile, find_photos
 from cubicfish.target.target import Target
 from cubicfish.workers.pool import Work
 
@@ -100,3 +101,24 @@ def test_unchanged_photos_are_not_searched_again(cache, tmp_path, monkeypatch):
     shutil.copy(SAMPLE / "photos" / "corner_02.jpg", folder / "corner_01.jpg")
     first_pass(find_photos([folder]), [TARGET], Work(jobs=1), cache.folder)
     assert len(searched) == 3
+
+
+def test_a_picture_at_hand_is_not_decoded_and_known_by_its_file(cache, tmp_path, monkeypatch):
+    picture, searched, decoded = np.zeros((40, 50), np.uint8), [], []
+    path = tmp_path / "a.png"
+    cv2.imwrite(str(path), picture)
+    monkeypatch.setattr(photo_detection, "find_grids", lambda *given: searched.append(1) or found())
+    decode = PictureFile.picture
+    monkeypatch.setattr(PictureFile, "picture", lambda own: decoded.append(1) or decode(own))
+    photo = Photo(name="a.png", path=path, picture=picture)
+    detect_in_photo(photo, target=None, cache=cache)
+    assert len(searched) == 1
+    detect_in_photo(photo, target=None, cache=cache)
+    assert len(searched) == 1
+    assert not decoded
+    detect_in_photo(Photo(name="a.png", path=path), target=None, cache=cache)
+    assert len(searched) == 1
+    # An array may have the name of a file that shows something else.
+    other = Photo(name="a.png", path=path, picture=picture, has_file=False)
+    detect_in_photo(other, target=None, cache=cache)
+    assert len(searched) == 2

@@ -15,7 +15,7 @@ from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film, write_s
 from reference import keys_of
 from running import Run
 
-from cubicfish import load_camera
+from cubicfish import Target, load_camera, load_corners
 from cubicfish.files import FrameName
 from cubicfish.observe import glances
 from cubicfish_cli.films import scan
@@ -313,6 +313,13 @@ def test_calibrate_takes_a_film_and_keeps_its_frames(
     assert record["rms_px"] < 0.3
     assert record["chosen"] == f"all {len(names)} usable frames"
     assert load_camera(out / "camera.yaml").made_by["chosen"] == record["chosen"]
+    # The pictures that were searched are those of the files.
+    again = tmp_path / "again.csv"
+    run("detect", out / "frames", "-t", target, "-o", again, "--no-cache", "-j", 1)
+    known = Target.load(target)
+    found, searched = (load_corners(one, known) for one in (out / "corners.csv", again))
+    assert found.images == searched.images
+    np.testing.assert_array_equal(found.pixel, searched.pixel)
     other = run("calibrate", film, "-t", target, "-o", out, "--most", 5, "-j", 1, code=1).stderr
     assert "exists already" in other
 
