@@ -616,7 +616,7 @@ def _photo_lens_left_out(images: Names, others: int, noise_px: float) -> Said:
 
 
 @WORDS.finding(Code.REPEATS)
-def _repeats(photos: int, distinct: int, repeats: Names) -> Said:
+def _repeats(photos: int, distinct: int, repeats: Sequence[Names]) -> Said:
     return Said(
         near_duplicates(repeats),
         f"{plural(photos, 'photo')}, {distinct} different; the held-out error leaves "
