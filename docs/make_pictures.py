@@ -218,6 +218,8 @@ def shoot(folder: Path) -> None:
     driver = webdriver.ChromeService(executable_path=shutil.which("chromedriver"))
     options.binary_location = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))))
     browser = webdriver.Chrome(options=options, service=driver)
+    folder = folder / "shoot"  # in that of the others there is a calibration
+    folder.mkdir()
     try:
         with shooting(folder, "--goal", 0.05) as running:
             for name in (SHOWN, HERO, "corner_05.jpg"):

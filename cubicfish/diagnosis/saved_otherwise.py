@@ -21,13 +21,15 @@ from cubicfish.diagnosis.two_lenses import best_split
 from cubicfish.fit.calibration import FitEvidence
 from cubicfish.fit.cubic_fit import CameraFit, fit_cubic
 from cubicfish.fit.radial_reference import refit_radial
-from cubicfish.fit.start import fit_poses
+from cubicfish.fit.start import fit_poses, unplaced
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
-from cubicfish.solve.adjustment import Adjustment, adjust
+from cubicfish.solve.adjustment import WARM_DAMPING, Adjustment, adjust
+from cubicfish.solve.descent import COLD_DAMPING
 from cubicfish.solve.fit_lens import FixedLens
 from cubicfish.solve.poses import Poses
 from cubicfish.solve.statistics import local_noise_px, noise_by_photo, wide_px
+from cubicfish.solve.subset import select_photos
 from cubicfish.target.observations import Observations
 from cubicfish.target.placement import renamed
 from cubicfish.types import BoolArray, FloatArray, IntArray
@@ -40,9 +42,9 @@ _TURNED = 3
 # and show others: so many times at most.
 _HALF, _ROUNDS = 0.5, 5
 # The last step is one that gains a smaller share of the cost. Poses of photos that are put right
-# are there in a few steps; those of others need tens to where they are wrong all the same. What may
-# be a fault is fitted anew, to the last digit.
-_ROUGHLY, _EXACTLY = 1e-3, 1e-10
+# are there in a few steps; those of others need tens to where they are wrong all the same. Only
+# photos that some other way suits better are fitted on, to far less than what decides.
+_ROUGHLY, _EXACTLY = 1e-3, 1e-6
 # It then fits nearly as well as the others, so many times their squared error at most.
 _AS_OTHERS = 4.0
 # A lens's centre is this near to the middle of the picture, as a share of its longer side; one that
@@ -88,11 +90,14 @@ def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:
     if target := nominal.refined(fit.world):
         every = renamed(every, target, nominal.renamed).with_target(target)
     scaled = every.with_world(every.world / nominal.scale)
-    saved, pairs, _ = fit_poses(reference.camera, scaled)
-    way, before = np.zeros(len(pairs.images), np.intp), None
+    # Photos that the fit left out have no pose yet.
+    used = np.array([scaled.images.index(photo) for photo in reference.pairs.images])
+    known = unplaced(len(scaled.images)).with_photos(used, reference.poses)
+    saved, pairs, _ = fit_poses(reference.camera, scaled, known)
+    if saved is None:
+        return []
+    before = None
     for _ in range(_ROUNDS):
-        if saved is None:
-            return []
         tried, square = _see_in_every_way(saved, pairs)
         way = np.where(square.min(axis=0) < _HALF * square[0], square.argmin(axis=0), 0)
         if not 0 < 2 * np.count_nonzero(way) < len(way):
@@ -100,36 +105,56 @@ def _find_otherwise(fit: CameraFit, every: Observations) -> list[Finding]:
         if before is not None and (way == before).all():
             break
         # Beside a radial lens all photos of a lopsided one are odd, and what is odd hides.
-        right, poses = _put_right(pairs, way), Poses.chosen([one.poses for one in tried], way)
+        right, poses = _put_right(pairs, way), Poses.chosen(tried, way)
         radial = refit_radial(reference, right, poses)
         whole = fit_cubic(radial, fit.prior, relative_decrease=ROUGH_DECREASE)
         lens, before = FixedLens(camera=whole.lens), way
-        saved = adjust(lens, tried[0].poses, pairs, wide_px(whole.errors))
+        saved = adjust(lens, tried[0], pairs, wide_px(whole.errors), damping=WARM_DAMPING)
     least = square[way, np.arange(len(way))]
     by_noise = noise**2 * len(way)
     if least.sum() - by_noise > _HALF * (square[0].sum() - by_noise):
         return []
-    odd = _find_odd(tried[0], whole, pairs)
+    odd = _find_odd(saved.lens, tried[0], whole, pairs)
     odd &= (way > 0) & (least < _AS_OTHERS * np.median(square[0, way == 0]))
     return _report(pairs.images, odd, square, reference.unfit)
 
 
 def _see_in_every_way(
     saved: Adjustment[FixedLens], pairs: Observations
-) -> tuple[list[Adjustment[FixedLens]], FloatArray]:
-    """Photos put right in each way, and their squared errors (4, M)."""
-    for decrease in (_ROUGHLY, _EXACTLY):
-        tried = [_see(saved, pairs, way, decrease) for way in range(len(_WAYS))]
-        photos = len(pairs.images)
-        square = np.stack([noise_by_photo(pairs.image, one.residual, photos) ** 2 for one in tried])
+) -> tuple[list[Poses], FloatArray]:
+    """Poses of photos put right in each way, and their squared errors (4, M)."""
+    tried = [_see_mirrored(saved.poses, way) for way in range(len(_WAYS))]
+    photos, square = np.arange(len(saved.poses)), np.zeros((len(_WAYS), len(saved.poses)))
+    for decrease, damping in ((_ROUGHLY, COLD_DAMPING), (_EXACTLY, WARM_DAMPING)):
+        own = select_photos(pairs, photos)
+        for way, poses in enumerate(tried):
+            seen = adjust(
+                saved.lens,
+                poses[photos],
+                _put_right(own, np.full(len(photos), way)),
+                wide_px(saved.errors),
+                relative_decrease=decrease,
+                damping=damping,
+            )
+            tried[way] = poses.with_photos(photos, seen.poses)
+            square[way, photos] = noise_by_photo(own.image, seen.residual, len(photos)) ** 2
         if not (square.min(axis=0) < _HALF * square[0]).any():
             break
+        photos = np.flatnonzero(square.min(axis=0) < square[0])
     return tried, square
 
 
-def _find_odd(saved: Adjustment[FixedLens], right: CameraFit, pairs: Observations) -> BoolArray:
-    """Which photos (M,) have a lens of their own as they were saved, and none once put right."""
-    as_saved = unlike(photo_lenses(saved.lens, saved.poses, pairs))
+def _find_odd(lens: FixedLens, poses: Poses, right: CameraFit, pairs: Observations) -> BoolArray:
+    """Which photos (M,) have a lens of their own as they were saved, and none once put right.
+
+    Args:
+        lens: a lens beside which they are seen as they were saved, with ``poses``.
+        poses: see ``lens``.
+        right: the fit to all photos put right.
+        pairs: the pairs as photos were saved.
+
+    """
+    as_saved = unlike(photo_lenses(lens, poses, pairs))
     own_lenses = lenses_of(right)
     split, put_right = best_split(own_lenses), unlike(own_lenses)
     odd = np.zeros(len(pairs.images), bool)
@@ -180,17 +205,10 @@ def _put_right(pairs: Observations, way: IntArray) -> Observations:
     return replace(pairs.with_world(world), pixel=pixel)
 
 
-def _see(
-    start: Adjustment[FixedLens], pairs: Observations, way: int, decrease: float
-) -> Adjustment[FixedLens]:
-    """Fit the poses of all photos, put right as if all were saved in one way.
-
-    A step that lowers the cost by a share of less than ``decrease`` is the last.
-    """
+def _see_mirrored(poses: Poses, way: int) -> Poses:
+    """The poses of photos that are put right as if all were saved in one way."""
     mirror = np.append(_WAYS[way], 1)
-    poses = Poses(
-        rotation=mirror[:, None] * start.poses.rotation * [_WAYS[way].prod(), 1, 1],
-        translation=mirror * start.poses.translation,
+    return Poses(
+        rotation=mirror[:, None] * poses.rotation * [_WAYS[way].prod(), 1, 1],
+        translation=mirror * poses.translation,
     )
-    right = _put_right(pairs, np.full(len(poses), way))
-    return adjust(start.lens, poses, right, wide_px(start.errors), relative_decrease=decrease)

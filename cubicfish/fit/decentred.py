@@ -169,7 +169,7 @@ class DecentredFit(FitLens):
         free = self._free
         if len(free) < by_values.shape[1]:
             by_values = by_values[:, free]
-        return np.ascontiguousarray(by_values.transpose(2, 0, 1))
+        return by_values.transpose(2, 0, 1)
 
     def pulls(self) -> FloatArray:
         """The weak pulls to symmetry and to the anchor: see :class:`FitLens`."""

@@ -14,7 +14,7 @@ from cubicfish.fit.folds import photo_folds
 from cubicfish.fit.lenses import CubicFit
 from cubicfish.models.cubic import CubicCamera
 from cubicfish.models.radial import RadialCamera
-from cubicfish.solve.adjustment import WARM_DAMPING, Adjustment, State, adjust
+from cubicfish.solve.adjustment import WARM_DAMPING, Adjustment, State, adjust, huber_cost
 from cubicfish.solve.chances import student
 from cubicfish.solve.fit_lens import FixedLens
 from cubicfish.solve.leave_one_out import LeaveOneOut
@@ -149,7 +149,11 @@ def _judge_fold(fit: CameraFit, test: IntArray, near: State[CubicFit]) -> FloatA
     train = np.setdiff1d(np.arange(len(pairs.images)), test)
     training = select_photos(pairs, train)
 
-    def trained_from(start: State[CubicFit]) -> Adjustment[CubicFit]:
+    # Of the fit to all photos, the other photos' part and the priors'.
+    length = np.hypot(*fit.residual[out].T)
+    cost = fit.cost - float(fit.pairs.weight[out] @ huber_cost(length, fit.huber_px))
+
+    def trained_from(start: State[CubicFit], cost_before: float) -> Adjustment[CubicFit]:
         return adjust(
             start.lens,
             start.poses[train],
@@ -158,16 +162,24 @@ def _judge_fold(fit: CameraFit, test: IntArray, near: State[CubicFit]) -> FloatA
             world=start.world.select(np.flatnonzero(~out)),
             relative_decrease=_FOLD_DECREASE,
             damping=WARM_DAMPING,
+            trust_last=True,
+            cost_before=cost_before,
         )
 
     try:
-        trained = trained_from(near)
+        trained = trained_from(near, cost)
     except FitError:  # the first-order step was too long: start where the fit ended
-        trained = trained_from(fit)
+        trained = trained_from(fit, 0.0)
     reference, moved = fit.reference, training.with_world(trained.world.points)
     lens, poses, limit = reference.lens, reference.poses[train], wide_px(reference.errors)
     radial = adjust(
-        lens, poses, moved, limit, relative_decrease=_RADIAL_DECREASE, damping=WARM_DAMPING
+        lens,
+        poses,
+        moved,
+        limit,
+        relative_decrease=_RADIAL_DECREASE,
+        damping=WARM_DAMPING,
+        trust_last=True,
     )
     camera = CubicCamera(
         image_size=pairs.image_size,
@@ -209,11 +221,20 @@ def pose_only_residual(
     if not index.size:
         return poses, np.zeros((0, 2)), index
     own, photos = select(pairs, inside)
-    lens = FixedLens(camera=camera)
-    fit = adjust(
-        lens, poses[photos], own, _WIDE_PX, relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING
-    )
-    # Once more, with a loss that follows the residuals of the first fit, if it differs for any.
-    if np.square(fit.residual).sum(axis=1).max() > min(wide_px(fit.errors), _WIDE_PX) ** 2:
-        fit = fit.again(relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING)
-    return poses.with_photos(photos, fit.poses), fit.residual, index
+    lens, found, limit = FixedLens(camera=camera), poses[photos], _WIDE_PX
+    for _ in range(2):
+        found = adjust(
+            lens,
+            found,
+            own,
+            limit,
+            relative_decrease=_POSE_DECREASE,
+            damping=WARM_DAMPING,
+            trust_last=True,
+        ).poses
+        residual = lens.project(found.apply(own.image, own.world)) - own.pixel
+        # Once more, with a loss that follows the residuals of the first fit, if it differs for any.
+        before, limit = limit, wide_px(residual[own.error_known])
+        if np.square(residual).sum(axis=1).max() <= min(limit, before) ** 2:
+            break
+    return poses.with_photos(photos, found), residual, index

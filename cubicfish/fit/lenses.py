@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from cubicfish.fit.decentred import DecentredFit, StillRays
-from cubicfish.models.lift import evaluate_cubics, lift, sphere_basis
+from cubicfish.models.lift import basis_values, cubic_gradients, lift, sphere_basis
 from cubicfish.models.pupil import from_pupil, from_pupil_and_slopes
 from cubicfish.solve.fit_lens import FitLens
 from cubicfish.solve.normal_equations import gram, solve_scaled
-from cubicfish.types import BoolArray, FloatArray
+from cubicfish.types import BoolArray, FloatArray, IntArray
 
 # From a lens that is near, Gauss-Newton reaches the nearest one in this many steps.
 _NEAREST_ROUNDS = 2
@@ -23,6 +24,8 @@ _DISTINCT = 1e-13
 _FIRST, _SECOND, _THIRD, _TRAVEL = slice(0, 16), slice(16, 32), slice(32, 47), 47
 # The columns of these, and that of 1, which follows the travel's.
 _FAR = np.array([*range(_TRAVEL), _TRAVEL + 1])
+# On which of them x depends, and y: on its own row, and on all that is no row of another.
+_SEPARATE = np.array([[*range(16), *range(32, 48)], range(16, 48)])
 WEIGHT_BEYOND = 0.1
 """Largest weight of pseudo-observations where no corners are."""
 
@@ -53,19 +56,20 @@ class NearestCubic:
         return np.where(self.within, 1.0, WEIGHT_BEYOND)
 
     @cached_property
-    def parts(self) -> tuple[slice, slice, slice]:
-        """The rays as far from the axis as corners are, those before, and those after them.
+    def parts(self) -> tuple[list[slice], list[slice]]:
+        """The rays as far from the axis as corners are; those before, and those after them.
 
         Rays go outwards, so that each part is a row of them.
         """
         own = np.flatnonzero(self.within)
         first, stop = (int(own[0]), int(own[-1]) + 1) if own.size else (0, 0)
-        return slice(first, stop), slice(0, first), slice(stop, None)
+        beyond = slice(0, first), slice(stop, len(self.rays))
+        return [slice(first, stop)], [one for one in beyond if one.start < one.stop]
 
     @cached_property
     def values(self) -> FloatArray:
         """(M, 16) the basis of cubics on the sphere at the rays, which are fixed."""
-        return lift(self.rays) @ sphere_basis()
+        return basis_values(self.rays)
 
     @cached_property
     def still(self) -> StillRays:
@@ -123,10 +127,11 @@ class Tie:
 
         """
         lens, (seen, by_lens) = self.lens, self._sees
-        weights, pixel = self.weights[:, None, None], pixel - self.near.miss
+        weights, pixel = self.weights, pixel - self.near.miss
         for _ in range(_NEAREST_ROUNDS):
-            miss = (weights * (seen - pixel)[:, :, None]).reshape(-1)
-            square = gram((weights * by_lens).reshape(len(miss), -1), miss) + lens.pulls()
+            rows = np.concatenate([by_lens.transpose(1, 2, 0), (seen - pixel).T[:, None]], axis=1)
+            rows *= weights
+            square = rows[0] @ rows[0].T + rows[1] @ rows[1].T + lens.pulls()
             step = _follow(square[:-1, :-1], square[:-1, -1:])[:, 0]
             moved = lens.with_parameters(lens.parameters - step)
             sees = moved.seen(self.near.still)
@@ -195,32 +200,47 @@ class CubicFit(FitLens):
         coefficients[:2] *= other.scale / self.scale
         away = (other.centre - self.centre) / self.scale
         coefficients[:2] += away[:, None] * coefficients[2]
-        mean = float((lift(rays) @ sphere_basis() @ coefficients[2]).mean())
+        mean = float((basis_values(rays) @ coefficients[2]).mean())
         return replace(self, coefficients=coefficients / mean)
 
     def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`~cubicfish.solve.fit_lens.FitLens`."""
+        pixel, by_point, parts, _ = self.separate_slopes(points)
+        return pixel, by_point, _join(parts)
+
+    def separate_slopes(
+        self, points: FloatArray
+    ) -> tuple[FloatArray, FloatArray, Sequence[FloatArray], IntArray]:
+        """See :class:`~cubicfish.solve.fit_lens.FitLens`."""
         moved, by_point, by_travel = from_pupil_and_slopes(points, self.pupil_travel)
-        pixel, d_point, d_parameters = self.far_jacobian(moved)
-        by_depth = d_point[:, :, 2:]
-        d_parameters[:, :, _TRAVEL:] = by_depth * by_travel[:, None, None]
-        return pixel, d_point + by_depth * by_point[:, None, :], d_parameters
+        pixel, d_point, parts = self._differentiate_far(moved)
+        by_depth = d_point[:, 2]
+        parts.append((by_depth * by_travel)[:, None])
+        d_point = d_point + by_depth[:, None] * by_point.T
+        return pixel, d_point.transpose(2, 0, 1), parts, _SEPARATE
 
     def far_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """As :meth:`pixel_and_slopes`, for distant points."""
+        pixel, d_point, parts = self._differentiate_far(points)
+        return pixel, d_point.transpose(2, 0, 1), _join(parts)
+
+    def _differentiate_far(
+        self, points: FloatArray
+    ) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
+        """Pixel (N, 2), d/d point (2, 3, N), and d/d P in parts: see :meth:`separate_slopes`."""
         length = np.sqrt(np.einsum("ij,ij->i", points, points))
         rays = points / length[:, None]
-        values = lift(rays) @ sphere_basis()
+        lifted = lift(rays).T
+        values = (sphere_basis().T @ lifted).T
         pixel, denominator = self._compute_pixel(values)
-        _, gradient = evaluate_cubics(self.coefficients @ sphere_basis().T, rays)
         # Working on one coordinate of all points after the other is fastest.
-        across = gradient.transpose(1, 2, 0)
+        across = cubic_gradients(self.coefficients @ sphere_basis().T, lifted)
         slope = across[:2] - pixel.T[:, None] * across[2]
         slope *= self.scale / denominator
         return (
             pixel * self.scale + self.centre,
-            _convert_slope(slope, rays.T, length).transpose(2, 0, 1),
-            self._differentiate(values, pixel, denominator, _TRAVEL + 1),
+            _convert_slope(slope, rays.T, length),
+            self._differentiate(values, pixel, denominator),
         )
 
     def project(self, points: FloatArray) -> FloatArray:
@@ -230,7 +250,7 @@ class CubicFit(FitLens):
     def far(self, points: FloatArray) -> FloatArray:
         """Distant points (N, 3) -> pixels (N, 2)."""
         rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
-        return self._compute_pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre
+        return self._compute_pixel(basis_values(rays))[0] * self.scale + self.centre
 
     def pulls(self) -> FloatArray:
         """See :class:`~cubicfish.solve.fit_lens.FitLens`."""
@@ -263,24 +283,21 @@ class CubicFit(FitLens):
         if prior is None:
             return grams
         near = prior.near
-        inside, denominator = self._compute_pixel(near.values)
-        pixel = inside * self.scale + self.centre
+        pixel, by_P = self.see_still(near.values)
         if not np.isfinite(pixel).all():  # a bad step, which its cost rejects
             return np.full_like(grams, np.inf)
         decentred, (seen, by_lens) = prior.nearest(pixel)
         # Derivatives by P's parameters, those by the lens's, and the miss.
-        rows = np.empty((len(inside), 2, _TRAVEL + by_lens.shape[2] + 1))
-        rows[:, :, :_TRAVEL] = self._differentiate(near.values, inside, denominator)
-        np.negative(by_lens, out=rows[:, :, _TRAVEL:-1])
-        rows[:, :, -1] = pixel - near.miss - seen
-        among, before, after = (
-            part.T @ part for part in (rows[own].reshape(-1, rows.shape[2]) for own in near.parts)
-        )
-        beyond = before + after
+        miss = (pixel - near.miss - seen).T[:, None]
+        rows = np.concatenate([by_P, -by_lens.transpose(1, 2, 0), miss], axis=1)
         squares = np.square([weights, np.minimum(weights, WEIGHT_BEYOND)])[:, :, None, None]
-        whole = squares[0] * among + squares[1] * beyond
+        size = _TRAVEL + by_lens.shape[2] + 1
+        whole = np.zeros((len(weights), size, size))
+        for square, places in zip(squares, near.parts, strict=True):
+            for place in places:
+                whole += square * gram_of_separate(rows[:, :, place])
         whole[:, _TRAVEL:, _TRAVEL:] += decentred.pulls()
-        kept = np.r_[:_TRAVEL, rows.shape[2] - 1]
+        kept = np.r_[:_TRAVEL, size - 1]
         cross = whole[:, _TRAVEL:-1, kept]
         followed = _follow(whole[:, _TRAVEL:-1, _TRAVEL:-1], cross)
         left = whole[:, kept[:, None], kept] - cross.transpose(0, 2, 1) @ followed
@@ -290,24 +307,39 @@ class CubicFit(FitLens):
         grams[:, _FAR[:, None], _FAR] += left + by_values.T @ prior.denominators @ by_values
         return grams
 
+    def see_still(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What the lens sees of distant points that do not move.
+
+        Args:
+            values: (M, 16) the basis of cubics on the sphere at their rays.
+
+        Returns:
+            Pixel (M, 2); and the derivatives by the parameters of P on which x and y depend
+            (2, 31, M), which :func:`gram_of_separate` sums up.
+
+        """
+        inside, denominator = self._compute_pixel(values)
+        same, apart = self._differentiate(values, inside, denominator)
+        by_P = np.empty((2, same.shape[1] + apart.shape[1], len(values)))
+        by_P[:, : same.shape[1]], by_P[:, same.shape[1] :] = same, apart
+        return inside * self.scale + self.centre, by_P
+
     def _compute_pixel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        homogeneous = values @ self.coefficients.T
-        denominator = homogeneous[:, 2]
+        homogeneous = self.coefficients @ values.T
+        denominator = homogeneous[2]
         # A pole on the way is a bad step, not an error: its infinite cost rejects it.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            pixel = homogeneous[:, :2] / denominator[:, None]
-        return np.where(denominator[:, None] > 0, pixel, np.inf), denominator
+            pixel = homogeneous[:2] / denominator
+        pixel[:, ~(denominator > 0)] = np.inf
+        return pixel.T, denominator
 
     def _differentiate(
-        self, values: FloatArray, pixel: FloatArray, denominator: FloatArray, count: int = _TRAVEL
-    ) -> FloatArray:
-        """(N, 2, 47) d pixel / d parameters; ``pixel`` is of order 1."""
-        share = values * (self.scale / denominator[:, None])
-        slope = np.zeros((len(values), 2, count))
-        slope[:, 0, _FIRST] = slope[:, 1, _SECOND] = share
-        by_denominator = share @ self.denominator_basis
-        np.multiply(-pixel[:, :, None], by_denominator[:, None, :], out=slope[:, :, _THIRD])
-        return slope
+        self, values: FloatArray, pixel: FloatArray, denominator: FloatArray
+    ) -> list[FloatArray]:
+        """Pixels, of order 1, by the own row of C, (1, 16, N), and by the third, (2, 15, N)."""
+        share = values.T * (self.scale / denominator)
+        by_denominator = self.denominator_basis.T @ share
+        return [share[None], -pixel.T[:, None] * by_denominator]
 
     @property
     def P(self) -> FloatArray:
@@ -316,6 +348,34 @@ class CubicFit(FitLens):
         to_pixels = np.array([[scale, 0, x], [0, scale, y], [0, 0, 1]])
         P = to_pixels @ self.coefficients @ sphere_basis().T
         return P / np.linalg.norm(P)
+
+
+def gram_of_separate(rows: FloatArray) -> FloatArray:
+    """Products of derivatives by P and of other rows, (47 + C, 47 + C).
+
+    Args:
+        rows: (2, 31 + C, M) of x and of y: those of :meth:`CubicFit.see_still`, and C others.
+
+    """
+    of_P = _SEPARATE[:, :-1]
+    size = _TRAVEL + rows.shape[1] - of_P.shape[1]
+    products = np.zeros((size, size))
+    for row, columns in zip(rows, of_P, strict=True):
+        own = np.append(columns, np.arange(_TRAVEL, size))
+        products[own[:, None], own] += row @ row.T
+    return products
+
+
+def _join(parts: Sequence[FloatArray]) -> FloatArray:
+    """(N, 2, 48) derivatives by all parameters of a cubic, from those of x and y apart."""
+    slope = np.zeros((2, _TRAVEL + 1, parts[0].shape[2]))
+    first = 0
+    for part in parts:
+        stop = first + part.shape[1]
+        for axis, columns in enumerate(_SEPARATE[:, first:stop]):
+            slope[axis, columns] = part[axis if len(part) > 1 else 0]
+        first = stop
+    return slope.transpose(2, 0, 1)
 
 
 def _follow(square: FloatArray, cross: FloatArray) -> FloatArray:

@@ -12,9 +12,9 @@ from itertools import product
 
 import numpy as np
 
-from cubicfish.fit.lenses import CubicFit, NearestCubic
+from cubicfish.fit.lenses import CubicFit, NearestCubic, gram_of_separate
 from cubicfish.models.cubic import pole_or_fold_deg
-from cubicfish.models.lift import lift, sphere_basis
+from cubicfish.models.lift import basis_values
 from cubicfish.models.radial import RadialCamera
 from cubicfish.models.sphere import cone_rays
 from cubicfish.solve.descent import descended
@@ -128,7 +128,7 @@ def linear_cubic(
 
     """
     centre, scale = np.array([camera.cx, camera.cy]), (camera.fx + camera.fy) / 2
-    values = lift(rays) @ sphere_basis()
+    values = basis_values(rays)
     return CubicFit(
         coefficients=linear_ratios(
             values, (pixel - centre) / scale, denominator_pull=denominator_pull, weights=weights
@@ -154,7 +154,7 @@ def _denominator_basis(values: FloatArray) -> FloatArray:
 
 def _on_other_rays(lens: CubicFit, rays: FloatArray) -> CubicFit:
     """The same P, its scale fixed by other rays (M, 3)."""
-    moved = replace(lens, denominator_basis=_denominator_basis(lift(rays) @ sphere_basis()))
+    moved = replace(lens, denominator_basis=_denominator_basis(basis_values(rays)))
     return moved.with_pixels_of(lens, rays)
 
 
@@ -238,13 +238,12 @@ def nearest_decentred_cubic(
     """
     lens, found, least = near.lens, near.lens, np.inf
     stiff, first = firm * near.values, near.lens.coefficients[2]
-    root, index = near.weights[:, None], np.arange(_FREE)
+    index = np.arange(_FREE)
     for _ in range(_DECENTRED_ROUNDS):
         with np.errstate(all="ignore"):  # a step to a pole is not taken
-            seen, _, by_parameters = lens.far_jacobian(near.rays)
-            miss = root * (seen - pixel - near.miss)
-            slope = (root[:, :, None] * by_parameters[:, :, :_FREE]).reshape(-1, _FREE)
-            square = gram(slope, miss.reshape(-1))
+            seen, by_P = lens.see_still(near.values)
+            rows = np.concatenate([by_P, (seen - pixel - near.miss).T[:, None]], axis=1)
+            square = gram_of_separate(rows * near.weights)
         drift = stiff @ (lens.coefficients[2] - first)
         square[32:, 32:] += gram(stiff @ lens.denominator_basis, drift)
         before, least = least, float(square[-1, -1])
@@ -281,16 +280,16 @@ def refined_cubic(
         stiffness: pixels that a relative change of P3Φ by 1 counts as, at each ray.
 
     """
-    root = np.ones((len(rays), 1)) if weights is None else weights[:, None]
-    stiff = stiffness * (lift(rays) @ sphere_basis()) if stiffness else np.zeros((0, 16))
+    root, values = 1.0 if weights is None else weights, basis_values(rays)
+    stiff = stiffness * values if stiffness else np.zeros((0, 16))
 
     def square_of(lens: CubicFit) -> FloatArray:
         with np.errstate(all="ignore"):  # a step to a pole is not taken
-            seen, _, by_parameters = lens.far_jacobian(rays)
-            miss = np.nan_to_num(root * (seen - pixel), nan=_UNSEEN_PX, posinf=_UNSEEN_PX)
-            slope = root[:, :, None] * by_parameters[:, :, :_FREE]
-            slope[~np.isfinite(slope)] = 0
-            square = gram(slope.reshape(-1, _FREE), miss.reshape(-1))
+            seen, by_P = lens.see_still(values)
+            miss = np.nan_to_num(root * (seen - pixel).T, nan=_UNSEEN_PX, posinf=_UNSEEN_PX)
+            by_P *= root
+            by_P[~np.isfinite(by_P)] = 0
+            square = gram_of_separate(np.concatenate([by_P, miss[:, None]], axis=1))
         drift = stiff @ (lens.coefficients[2] - start.coefficients[2])
         square[32:, 32:] += gram(stiff @ lens.denominator_basis, drift)
         return square

@@ -138,8 +138,19 @@ def decentred_lens(reference: RadialReference, spread: float) -> tuple[Decentred
             spread=spread,
         )
         if spread:
-            pairs, limit, least = reference.pairs, wide_px(reference.errors), _DECENTRED_DECREASE
-            fit = adjust(lens, poses, pairs, limit, relative_decrease=least, damping=WARM_DAMPING)
+            # A lens that is known under another spread is nearer.
+            near = [reference.known(("decentred", other)) for other in SPREADS[1:]]
+            for known_lens, known_poses in filter(None, near):
+                lens, poses = replace(lens, values=known_lens.values), known_poses
+            fit = adjust(
+                lens,
+                poses,
+                reference.pairs,
+                wide_px(reference.errors),
+                relative_decrease=_DECENTRED_DECREASE,
+                damping=WARM_DAMPING,
+                trust_last=True,
+            )
             lens, poses = fit.lens, fit.poses
         about = _CENTRE_SPREAD * float(lens.values[:2].mean())
         return replace(lens, anchor=lens.values[2:4], anchor_px=about), poses

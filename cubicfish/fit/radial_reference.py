@@ -104,6 +104,10 @@ class RadialReference(RadialAdjustment):
         found: T = self._found[what]
         return found
 
+    def known(self, what: Hashable) -> Any:
+        """What was found of this lens under this key; None where nothing was."""
+        return self._found.get(what)
+
     @property
     def cubic(self) -> NearestCubic:
         """The cubic that comes nearest to the lens."""

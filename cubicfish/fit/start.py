@@ -14,7 +14,7 @@ from cubicfish.fit.radial_pose import (
     radial_poses,
 )
 from cubicfish.models.radial import RadialCamera
-from cubicfish.solve.adjustment import Adjustment, adjust
+from cubicfish.solve.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish.solve.fit_lens import FixedLens
 from cubicfish.solve.poses import Poses
 from cubicfish.solve.statistics import wide_px
@@ -85,7 +85,7 @@ def start_at_centre(pairs: Observations, centre: FloatArray) -> Start:
     total = np.minimum(errors[placed], cap).mean(axis=0) if placed.any() else np.zeros(len(focals))
     chosen = int(np.argmin(total))
     focal = float(focals[chosen])
-    poses, error = _make_unplaced(len(photos)), np.full(len(photos), np.inf)
+    poses, error = unplaced(len(photos)), np.full(len(photos), np.inf)
     for photo in np.flatnonzero(placed).tolist():
         own = by_candidate[photo][:, chosen]
         best = int(np.argmin(own))
@@ -97,7 +97,7 @@ def start_at_centre(pairs: Observations, centre: FloatArray) -> Start:
     return Start(focal=focal, poses=poses, error=error)
 
 
-def _make_unplaced(photos: int) -> Poses:
+def unplaced(photos: int) -> Poses:
     """Poses of photos that are not known yet."""
     return Poses(rotation=np.full((photos, 3, 3), np.nan), translation=np.full((photos, 3), np.nan))
 
@@ -133,9 +133,14 @@ def _measure_errors(
 
 
 def fit_poses(
-    camera: RadialCamera, pairs: Observations
+    camera: RadialCamera, pairs: Observations, known: Poses | None = None
 ) -> tuple[Adjustment[FixedLens] | None, Observations, IntArray]:
     """Poses under a known radial lens, refined by Levenberg–Marquardt.
+
+    Args:
+        camera: the lens.
+        pairs: 2D-3D pairs.
+        known: a start for each photo; NaN where there is none.
 
     Returns:
         The adjustment (None when no photo has enough corners to be placed), the pairs of the
@@ -143,13 +148,15 @@ def fit_poses(
 
     """
     count = len(pairs.images)
-    poses, error = _make_unplaced(count), np.full(count, np.inf)
+    poses, error = unplaced(count), np.full(count, np.inf)
     offset = (pairs.pixel - [camera.cx, camera.cy]) / np.array([camera.fx, camera.fy])
     angle = camera.angle(np.hypot(offset[:, 0], offset[:, 1]))
     seen = np.flatnonzero(np.isfinite(angle))
     seen = seen[np.argsort(pairs.image[seen], kind="stable")]
     bounds = np.searchsorted(pairs.image[seen], np.arange(count + 1))
-    for photo in range(count):
+    if known is not None:
+        poses, error = known, np.where(np.isfinite(known.translation[:, 0]), 0.0, np.inf)
+    for photo in np.flatnonzero(np.isinf(error)).tolist():
         own = seen[bounds[photo] : bounds[photo + 1]]
         world = pairs.world[own]
         for pose in _find_known_poses(world, offset[own], angle[own], pairs.board[own]):
@@ -165,7 +172,8 @@ def fit_poses(
     kept, _ = select(pairs, np.isin(pairs.image, placed))
     lens = FixedLens(camera=camera)
     fit = adjust(lens, poses[placed], kept, _WIDE_HUBER_PX, max_iterations=30)
-    return adjust(fit.lens, fit.poses, kept, wide_px(fit.errors)), kept, placed
+    near = adjust(lens, fit.poses, kept, wide_px(fit.errors), damping=WARM_DAMPING)
+    return near, kept, placed
 
 
 def _find_known_poses(

@@ -63,7 +63,8 @@ class Gauge:
 
     A turn of the lens and the opposite turn of all poses leave every pixel where it is. So lenses
     are turned to agree as well as they can at corners. The rest depends neither on the frame of the
-    target nor on how well single poses are known: no corner's weight counts.
+    target nor on how well single poses are known: no corner's weight counts. Several sets of
+    corners may stand along axes before the others.
 
     Attributes:
         lens: the lens.
@@ -78,10 +79,13 @@ class Gauge:
 
     @classmethod
     def over(
-        cls, lens: CubicFit | FreeLens[RadialCamera], points: FloatArray, times: float = 1.0
+        cls,
+        lens: CubicFit | FreeLens[RadialCamera],
+        points: FloatArray | FarSlopes,
+        times: float = 1.0,
     ) -> Gauge:
         """Take the turn out over corners (N, 3), camera frame; each counts ``times`` times."""
-        slopes = FarSlopes.of(lens, points)
+        slopes = points if isinstance(points, FarSlopes) else FarSlopes.of(lens, points)
         turned = times * slopes.by_turn.T
         return cls(lens=lens, by_turn=turned @ slopes.by_turn, by_both=turned @ slopes.by_lens)
 
@@ -99,7 +103,7 @@ class Gauge:
     @cached_property
     def turn(self) -> FloatArray:
         """(3, K) derivatives of the turn by the lens's parameters."""
-        return np.asarray(np.linalg.lstsq(self.by_turn, self.by_both, rcond=None)[0])
+        return np.asarray(np.linalg.pinv(self.by_turn, hermitian=True) @ self.by_both)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,9 +122,10 @@ class Uncertainty:
     noise_px: float
 
     def sigma_px(self, rays: FloatArray | FarSlopes) -> FloatArray:
-        """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
+        """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (..., N), pixels."""
         by_lens = self.gauge.by_lens(rays)
-        variance = np.sum((by_lens @ self.lens) * by_lens, axis=1).reshape(-1, 2).sum(axis=1)
+        variance = np.sum((by_lens @ self.lens) * by_lens, axis=-1)
+        variance = variance[..., ::2] + variance[..., 1::2]
         # Rounding may leave nothing of it where photos hardly say anything: then it is not known.
         return np.sqrt(np.where(variance >= 0, variance, np.nan))
 
@@ -131,11 +136,13 @@ class Uncertainty:
 
 
 def covariance(gauge: Gauge, hessian: FloatArray, noise_px: float) -> Uncertainty:
-    """σ² H⁻¹ of a lens, whose parameters stand first among those of H (K, K)."""
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
-    inverse = scale * scale[:, None] * np.linalg.inv(hessian * scale * scale[:, None])
+    """σ² H⁻¹ of a lens, whose parameters stand first among those of H (..., K, K)."""
+    diagonal = np.diagonal(hessian, axis1=-2, axis2=-1)
+    scale = 1 / np.sqrt(np.maximum(diagonal, 1e-300))[..., None]
+    square = scale * np.swapaxes(scale, -1, -2)
+    inverse = square * np.linalg.inv(hessian * square)
     count = len(gauge.lens.parameters)
-    lens = noise_px**2 * inverse[:count, :count]
+    lens = noise_px**2 * inverse[..., :count, :count]
     return Uncertainty(gauge=gauge, lens=lens, noise_px=noise_px)
 
 

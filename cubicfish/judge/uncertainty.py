@@ -4,6 +4,7 @@ The field is where the camera may be trusted, as far as the photo shows it.
 """
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -21,8 +22,6 @@ PERCENT = 95.0
 say little about the rest of the field."""
 _LARGEST_PX = 1e6
 _SIDE = 2000.0
-# The corners of a cell of the grid: x and y.
-_CELL = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
 
 
 def of_size(image_size: tuple[int, int]) -> float:
@@ -126,16 +125,20 @@ class UncertaintyGrid:
         """
         if not self.has_grid:
             return None
-        x, y, sigma = np.array(self.x), np.array(self.y), np.array(self.sigma_px)
-        sides = zip(pixel.T, (x, y), strict=True)
-        place = np.stack([np.interp(own, side, np.arange(len(side))) for own, side in sides])
-        first = np.clip(np.floor(place).astype(int), 0, [[len(x) - 2], [len(y) - 2]])
-        share = place - first
-        column, row = np.moveaxis(first.T[:, None] + _CELL, -1, 0)
-        value = sigma[row, column]
-        weight = np.abs(1 - _CELL - share.T[:, None]).prod(axis=-1) * np.isfinite(value)
-        total, weights = (weight * np.nan_to_num(value)).sum(axis=1), weight.sum(axis=1)
-        return np.where(weights > 0, total / np.where(weights > 0, weights, 1), np.nan)
+        across, down = _shares(pixel[:, 0], self.x), _shares(pixel[:, 1], self.y)
+        return self._interpolated(lambda values: np.einsum("nr,nr->n", down, across @ values.T))
+
+    def over_grid(self, x: FloatArray, y: FloatArray) -> FloatArray | None:
+        """The same at columns (C,) and rows (R,) of pixels: (R, C)."""
+        if not self.has_grid:
+            return None
+        across, down = _shares(x, self.x), _shares(y, self.y)
+        return self._interpolated(lambda values: down @ values @ across.T)
+
+    def _interpolated(self, interpolate: Callable[[FloatArray], FloatArray]) -> FloatArray:
+        sigma = np.array(self.sigma_px)
+        total, weight = interpolate(np.nan_to_num(sigma)), interpolate(np.isfinite(sigma) * 1.0)
+        return np.where(weight > 0, total / np.where(weight > 0, weight, 1), np.nan)
 
     def over(self, pixel: FloatArray) -> PixelUncertainty | None:
         """The uncertainty over some pixels (N, 2); None where it is known at none of them."""
@@ -148,3 +151,9 @@ class UncertaintyGrid:
     def __repr__(self) -> str:
         """The grid's figures in one line."""
         return f"<uncertainty: {self.median_px:.3f} px, at most {self.max_px:.3f} px>"
+
+
+def _shares(at: FloatArray, grid: Sequence[float]) -> FloatArray:
+    """(N, G) what each coordinate of a grid counts at some (N,) in linear interpolation."""
+    place = np.interp(at, grid, np.arange(len(grid)))
+    return np.maximum(0.0, 1 - np.abs(place[:, None] - np.arange(len(grid))))

@@ -5,7 +5,6 @@ nowhere else.
 """
 
 from functools import cache
-from itertools import combinations_with_replacement, permutations, product
 
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +16,6 @@ MONOMIALS = tuple(_ORDER.split())
 EXPONENTS = np.array([[name.count(axis) for axis in "XYZ"] for name in MONOMIALS])
 SIZE = len(MONOMIALS)
 _ONE, _LINEAR = MONOMIALS.index("1"), [MONOMIALS.index(axis) for axis in "XYZ"]
-# Products of two of (X, Y, Z, 1), each once.
-_PRODUCTS = tuple(combinations_with_replacement(range(4), 2))
 
 
 def _list_steps() -> list[tuple[int, int, int]]:
@@ -78,20 +75,20 @@ def sphere_basis() -> FloatArray:
 
 
 @cache
-def _polarisation() -> FloatArray:
-    """(20, 10, 4): each monomial as a symmetric form in (X, Y, Z, 1), two slots squared up.
+def _slopes_of_monomials() -> FloatArray:
+    """(20, 3, 10): the derivative of each by X, Y and Z, as a cubic of the last ten monomials.
 
-    A cubic f in q = (X, Y, Z, 1) is T(q, q, q) with T symmetric. T(q, q, ·) is linear in the ten
-    products of q with itself; its last slot filled with q gives f, and three times its first
-    three entries are f's gradient.
+    These are of degree two at most.
     """
     index = {tuple(exponents): k for k, exponents in enumerate(EXPONENTS.tolist())}
-    form = np.zeros((SIZE, len(_PRODUCTS), 4))
-    for slots in product(range(4), repeat=3):
-        monomial = index[tuple(slots.count(axis) for axis in range(3))]
-        share = 1 / len(set(permutations(slots)))
-        form[monomial, _PRODUCTS.index((min(slots[:2]), max(slots[:2]))), slots[2]] += share
-    return form
+    slopes = np.zeros((SIZE, 3, SIZE))
+    for exponents, monomial in index.items():
+        for axis, power in enumerate(exponents):
+            if power:
+                lower = tuple(p - (k == axis) for k, p in enumerate(exponents))
+                slopes[monomial, axis, index[lower]] = power
+    first = int(np.flatnonzero(EXPONENTS.sum(axis=1) < 3)[0])
+    return np.ascontiguousarray(slopes[:, :, first:])
 
 
 def evaluate_cubics(coefficients: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -99,15 +96,23 @@ def evaluate_cubics(coefficients: FloatArray, points: FloatArray) -> tuple[Float
 
     The same as ``lift(points) @ coefficients.T`` and its derivative, at a fraction of the cost.
     """
-    rows = len(coefficients)
-    homogeneous = np.ones((4, len(points)))
-    homogeneous[:3] = points.T
-    first, second = np.array(_PRODUCTS).T
-    products = homogeneous[first] * homogeneous[second]
-    matrix = np.einsum("rk,kpc->rcp", coefficients, _polarisation()).reshape(-1, len(_PRODUCTS))
-    form = (matrix @ products).reshape(rows, 4, -1)
-    values = (form * homogeneous).sum(axis=1)
-    return values.T, 3 * form[:, :3].transpose(2, 0, 1)
+    lifted = lift(points).T
+    return (coefficients @ lifted).T, cubic_gradients(coefficients, lifted).transpose(2, 0, 1)
+
+
+def cubic_gradients(coefficients: FloatArray, lifted: FloatArray) -> FloatArray:
+    """Gradients of cubics, from points that are lifted already: (R, 20), (20, N) -> (R, 3, N)."""
+    slopes = np.einsum("rk,kcp->rcp", coefficients, _slopes_of_monomials())
+    products = slopes.reshape(-1, slopes.shape[2]) @ lifted[SIZE - slopes.shape[2] :]
+    return np.asarray(products.reshape(len(coefficients), 3, -1))
+
+
+def basis_values(rays: FloatArray) -> FloatArray:
+    """The cubics of :func:`sphere_basis` at unit rays: (N, 3) -> (N, 16), ray by ray in memory.
+
+    One cubic of all rays stands after the other, since that is what sums run over.
+    """
+    return np.asarray((sphere_basis().T @ lift(rays).T).T)
 
 
 def lift_rotation(rotation: npt.ArrayLike) -> FloatArray:

@@ -8,7 +8,7 @@ in every figure.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -76,7 +76,7 @@ class RadialCamera(Lens):
         """Normalised radius r(θ): (...,) radians -> (...,)."""
         return kannala_brandt(np.asarray(theta, float), self.k)
 
-    @property
+    @cached_property
     def max_angle(self) -> float:
         """Largest angle to which r(θ) grows, radians, at most π."""
         k1, k2, k3, k4 = self.k
@@ -165,16 +165,16 @@ def project_jacobian(
     d_point[1, 0], d_point[1, 1], d_point[1, 2] = across, g + y * y * dg_drho_over_rho, y * dg_dz
     d_point *= np.array([fx, fy])[:, None, None]
 
-    d_parameters = np.zeros((len(points), 2, 8))
-    d_parameters[:, 0, 0] = x * g
-    d_parameters[:, 1, 1] = y * g
-    d_parameters[:, 0, 2] = 1
-    d_parameters[:, 1, 3] = 1
+    d_parameters = np.zeros((2, 8, len(points)))
+    d_parameters[0, 0] = x * g
+    d_parameters[1, 1] = y * g
+    d_parameters[0, 2] = 1
+    d_parameters[1, 3] = 1
     square = theta * theta
     odd = theta * square
-    outwards = np.stack([fx * x, fy * y], axis=-1) / safe_rho[:, None]
-    outwards[axis] = 0
+    outwards = np.stack([fx * x, fy * y]) / safe_rho
+    outwards[:, axis] = 0
     for power in range(4, 8):
-        d_parameters[:, :, power] = outwards * odd[:, None]
+        np.multiply(outwards, odd, out=d_parameters[:, power])
         odd = odd * square
-    return pixel, d_point.transpose(2, 0, 1), d_parameters
+    return pixel, d_point.transpose(2, 0, 1), d_parameters.transpose(2, 0, 1)

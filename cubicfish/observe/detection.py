@@ -62,6 +62,7 @@ def detect(
     run: Run = Run(jobs=1),
     *,
     again: bool = True,
+    faults: bool = True,
     step: str = "Finding corners",
 ) -> Detection:
     """Find the corners of ``target`` in photos and name them, as ``cubicfish detect`` does.
@@ -81,6 +82,8 @@ def detect(
         run: how the work is done, by default in this process. With more of them, a script must
             start its work below ``if __name__ == "__main__":``.
         again: whether a second pass follows, and the listener is told of both.
+        faults: whether it is tried what may be wrong with the target although corners could be
+            named, which may take seconds. Without that, they may have the names of others.
         step: what progress is called.
 
     Returns:
@@ -96,9 +99,9 @@ def detect(
     photos = _make_photos(photos)
     targets = [target] if isinstance(target, Target) else [*target]
     if not again:
-        return first_pass(photos, targets, run.work(step), run.cache)
+        return first_pass(photos, targets, run.work(step), run.cache, faults=faults)
     run.listener.tell(Event.LOOKING, photos=len(photos))
-    detection = first_pass(photos, targets, run.work(step), run.cache)
+    detection = first_pass(photos, targets, run.work(step), run.cache, faults=faults)
     best = detection.corners.target
     if best is not None:
         work = run.work("Looking again")
@@ -158,7 +161,12 @@ def _make_paths_absolute(photos: Sequence[Photo], work: Work) -> Sequence[Photo]
 
 
 def first_pass(
-    photos: Sequence[Photo], targets: Sequence[Target], work: Work, cache: StrPath | None = None
+    photos: Sequence[Photo],
+    targets: Sequence[Target],
+    work: Work,
+    cache: StrPath | None = None,
+    *,
+    faults: bool = True,
 ) -> Detection:
     """Find and name the corners of the one of several targets that explains most of them.
 
@@ -170,6 +178,7 @@ def first_pass(
         targets: as for :func:`detect`.
         work: who searches the photos.
         cache: a folder in which what is found in files is kept; None searches them all.
+        faults: as for :func:`detect`.
 
     Raises:
         ClusterError: the executor cannot do the work.
@@ -186,7 +195,7 @@ def first_pass(
     named, why = list[Detection](), DetectionError("")
     for target in targets:
         try:
-            named.append(_name_corners(photos, found, target))
+            named.append(_name_corners(photos, found, target, faults=faults))
         except DetectionError as error:  # the last says why, where none does better
             why = error
     first = max(named, key=lambda one: (len(one.corners.pixel), -len(one.findings)), default=why)
@@ -254,7 +263,11 @@ _REFUSED = (Code.ANOTHER_TARGET, Code.CORNER_COUNT, Code.NOTHING_NAMED, Code.NO_
 
 
 def _name_corners(
-    photos: Sequence[Photo], found: Sequence[PhotoDetection], target: Target
+    photos: Sequence[Photo],
+    found: Sequence[PhotoDetection],
+    target: Target,
+    *,
+    faults: bool = True,
 ) -> Detection:
     """Name the corners of ``target`` that were found in photos.
 
@@ -289,7 +302,9 @@ def _name_corners(
         with_boards=sum(showing),
         lost=[why for why in lost if why is not None],
     )
-    findings = [*told, *find_faults(evidence)]
+    findings = [*told]
+    if faults or not len(corners.pixel):
+        findings += find_faults(evidence)
     _refuse(findings, named=len(corners.pixel) > 0)
     if not len(corners.pixel):
         raise _explain_no_checkerboard(found)

@@ -183,11 +183,11 @@ class RigLens(FitLens):
         return own if self.times is None else self.times.moved(own)
 
     def by_body(
-        self, photos: IntArray, shots: Poses, by_lens: FloatArray, by_view: FloatArray
-    ) -> tuple[FloatArray, IntArray, FloatArray]:
+        self, photos: IntArray, shots: Poses, by_view: FloatArray
+    ) -> tuple[IntArray, FloatArray, FloatArray]:
         """See :class:`~cubicfish.solve.fit_lens.FitLens`."""
         camera = int(self.camera[photos[0]])
-        parts = [by_lens]
+        parts = [np.zeros((len(photos), 2, 0))]
         if camera:
             turned, shift = self.places.rotation[camera], self.places.translation[camera]
             by_turn, by_shift = by_view[:, :, :3], by_view[:, :, 3:]
@@ -200,7 +200,7 @@ class RigLens(FitLens):
             speed = self.free_times.speed(shots[self.shot])
             parts.append(self._differentiate_by_times(by_view, speed, photos))
         own = self.columns[camera]
-        return np.concatenate(parts, axis=2), np.arange(own.start, own.stop), by_view
+        return np.arange(own.start, own.stop), np.concatenate(parts, axis=2), by_view
 
     def _differentiate_by_times(
         self, by_pose: FloatArray, speed: FloatArray, image: IntArray

@@ -1,6 +1,7 @@
 """What is printed on a board: cells of black and white in the board's own plane."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -49,6 +50,7 @@ class Face:
         return np.pad(self.dark, 1)[row, column]
 
 
+@lru_cache(maxsize=64)  # boards are seen from many places
 def board_face(board: Board, *, margin: float) -> Face:
     """The printed face of a board with a white margin of ``margin`` squares around the print.
 

@@ -173,19 +173,21 @@ def project_corners(
 
     """
     board, column, row, world = target.corners()
-    camera = camera_points(camera_from_world, world)
     x_axis = np.stack([b.x_axis for b in target.boards])[board]
     y_axis = np.stack([b.y_axis for b in target.boards])[board]
     to_side = neighbourhood * np.array([b.square for b in target.boards])[board]
     step = np.array([(i, j) for j in (-1, 0, 1) for i in (-1, 0, 1)], float)
+    middle = len(step) // 2
     around = world[:, None] + to_side[:, None, None] * (
         step[:, :1] * x_axis[:, None] + step[:, 1:] * y_axis[:, None]
     )
     around = camera_points(camera_from_world, around)
     seen = plates(target, camera_from_world)
-    _, distance, _ = nearest(seen, around.reshape(-1, 3))
-    # A ray is as long as the way to its point: a hit well short of 1 is another board.
-    in_front = (distance > 1 - 1e-6).reshape(around.shape[:2])
+    in_front = np.ones(around.shape[:2], bool)
+    if len(seen) > 1:  # else no other board is in the way
+        _, distance, _ = nearest(seen, around.reshape(-1, 3))
+        # A ray is as long as the way to its point: a hit well short of 1 is another board.
+        in_front = (distance > 1 - 1e-6).reshape(around.shape[:2])
     pixel = lens.project(around)
     limit = np.array(image_size) - 0.5
     with np.errstate(invalid="ignore"):
@@ -196,8 +198,8 @@ def project_corners(
         column=column,
         row=row,
         world=world,
-        camera=camera,
-        pixel=lens.project(camera),
+        camera=around[:, middle],
+        pixel=pixel[:, middle],
         visible=faces_camera & (in_front & in_picture).all(axis=1),
     )
 

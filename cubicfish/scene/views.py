@@ -32,6 +32,8 @@ from cubicfish.types import FloatArray
 
 # Squares below these many pixels are hard to find, and so are markers' modules.
 _SQUARE_PX, _MODULE_PX = 10.0, 2.6
+# So many sides of a board's squares may be smaller, as a share.
+_SMALL = 0.05
 # Shares of the target's diagonal: how near and far to stand, and how far from a board's plane.
 _NEAREST, _FARTHEST, _CLEARANCE = 0.3, 2.0, 0.1
 # Boards are seen at a slant of up to 75° between the way to them and their normal.
@@ -292,12 +294,17 @@ class _Thing:
                 )
         world = target.corners()[3]
         ends = [board.outline() for board in boards]
+        # A corner is seen where half a square around it is.
+        around = [
+            four + board.square * (Board.AROUND_SQUARE - 0.5) @ board.axes[:2]
+            for four, board in zip(ends, boards, strict=True)
+        ]
         return cls(
             boards=boards,
             middles=np.array(
                 [b.world_points((b.columns - 1) / 2, (b.rows - 1) / 2) for b in boards]
             ),
-            ends=np.concatenate(ends),
+            ends=np.concatenate(around),
             outward=-np.stack([board.axes[2] for board in boards]),
             corners=np.array([board.columns * board.rows for board in boards], float),
             middle=(world.min(axis=0) + world.max(axis=0)) / 2,
@@ -369,7 +376,8 @@ def _count_whole_boards(target: Target, seen: TrueCorners) -> int:
         step = board.per_cell  # the gaps between tags may be small
         sides = [grid[:, 1::step] - grid[:, :-1:step], grid[1::step] - grid[:-1:step]]
         length = np.concatenate([np.hypot(side[..., 0], side[..., 1]).ravel() for side in sides])
-        whole += bool(np.percentile(length, 5) >= _find_least_px(board))
+        small = np.count_nonzero(length < _find_least_px(board))
+        whole += bool(small <= _SMALL * (len(length) - 1))
     return whole
 
 
@@ -381,7 +389,7 @@ def _find_with_board_inside(
     turns: FloatArray,
     eyes: FloatArray,
 ) -> tuple[npt.NDArray[np.intp], FloatArray]:
-    """Return which cameras (N,), with rotations (N, 3, 3), see the four ends of a board.
+    """Return which cameras (N,), with rotations (N, 3, 3), see half a square beyond a board's ends.
 
     A quick look, before that at all corners.
     """

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Generic, Self, TypeVar
 
 import numpy as np
@@ -45,7 +45,7 @@ WARM_DAMPING = 1e-13
 
 # Derivatives of so many pairs by so many unknowns fit into a core's cache; larger arrays wait for
 # memory.
-_RUN_PAIRS, _RUN_UNKNOWNS = 1000, 60
+_RUN_PAIRS, _RUN_UNKNOWNS = 1500, 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,11 +104,23 @@ def linearise(
 
 
 def _cut_runs(state: State[L], pairs: Observations) -> list[slice]:
-    """Cut the pairs into runs of one camera each, whose derivatives are not too large."""
-    camera = state.lens.camera_of(pairs.image)
+    """Cut the pairs into runs of one camera each, whose derivatives are not too large.
+
+    They are cut between photos, whose products are then formed all at once if they are alike.
+    """
+    camera, count = state.lens.camera_of(pairs.image), len(pairs.image)
     size = max(_RUN_PAIRS, _RUN_PAIRS * _RUN_UNKNOWNS // (state.size[0] + 6))
-    cuts = np.union1d(np.arange(0, len(camera), size), np.flatnonzero(np.diff(camera)) + 1)
-    return [slice(*ends) for ends in pairwise([*cuts.tolist(), len(camera)])]
+    if count <= size and camera[0] == camera[-1]:
+        return [slice(0, count)]
+    photos = np.flatnonzero(np.diff(pairs.image)) + 1
+    cuts = photos[np.diff(photos // size, prepend=0) > 0].tolist()
+    ends = sorted({0, count, *cuts, *(np.flatnonzero(np.diff(camera)) + 1).tolist()})
+    # A photo of very many pairs is cut too.
+    parts = [
+        range(first, stop, size if stop - first > 2 * size else stop - first)
+        for first, stop in pairwise(ends)
+    ]
+    return [slice(*run) for run in pairwise([*chain.from_iterable(parts), count])]
 
 
 def _linearise_run(
@@ -121,24 +133,27 @@ def _linearise_run(
     rotation = views.rotation.transpose(1, 2, 0)[:, :, image]
     rotated = np.einsum("ijn,jn->in", rotation, world.points[run].T)
     points = (rotated + views.translation.T[:, image]).T
-    pixel, d_point, d_lens = body.lens_of(int(image[0])).pixel_and_slopes(points)
+    pixel, d_point, d_lens, columns = body.lens_of(int(image[0])).separate_slopes(points)
     by_point = d_point.transpose(1, 2, 0)
     d_corner, d_shape = None, []
     if world.free:
-        d_corner = np.einsum("ain,ijn->ajn", by_point, rotation).transpose(2, 0, 1)
-        d_shape = [world.chain(d_corner, run)]
-    d_view = np.concatenate([cross(rotated, by_point).transpose(2, 0, 1), d_point], axis=2)
-    d_body, own, d_pose = body.by_body(image, state.poses, d_lens, d_view)
+        d_corner = np.einsum("ain,ijn->ajn", by_point, rotation)
+        d_shape = [world.chain(d_corner.transpose(2, 0, 1), run).transpose(1, 2, 0)]
+    d_view = np.concatenate([cross(rotated, by_point), by_point], axis=1).transpose(2, 0, 1)
+    own, d_body, d_pose = body.by_body(image, state.poses, d_view)
+    # What the body's photos share beside the lens, and the target's parameters.
+    target = np.arange(len(body.parameters), state.size[0])
+    more = np.append(own[len(own) - d_body.shape[2] :], target)
     residual = pixel - pairs.pixel[run]
     length = np.hypot(residual[:, 0], residual[:, 1])
     root = np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))
     return Linearised.of(
         residual,
         root,
-        d_pose,
-        [d_body, *d_shape],
+        d_pose.transpose(1, 2, 0),
+        [*d_lens, d_body.transpose(1, 2, 0), *d_shape],
         d_corner,
-        np.append(own, np.arange(len(body.parameters), state.size[0])),
+        np.hstack([own[columns], np.tile(more, (2, 1))]),
         body.shot_of(image),
     )
 
@@ -209,6 +224,8 @@ def adjust(
     max_iterations: int = _MAX_ITERATIONS,
     relative_decrease: float = _RELATIVE_DECREASE,
     damping: float = COLD_DAMPING,
+    trust_last: bool = False,
+    cost_before: float = 0.0,
 ) -> Adjustment[L]:
     """Minimise the Huber loss of the reprojection error over lens, poses and target.
 
@@ -221,9 +238,14 @@ def adjust(
         max_iterations: steps to try at most.
         relative_decrease: stop when a step lowers the cost by less than this share.
         damping: damping of the first step; less near the optimum.
+        trust_last: near the optimum, take the last step without evaluating it: the one behind which
+            another would lower the cost by less than that share, as steps have become smaller.
+            Residuals, cost and equations are then those of the state before.
+        cost_before: cost of the state from which a step led to the start; 0 where none did.
 
     Returns:
-        The best state found. A step that does not lower the cost is never taken.
+        The best state found. A step that does not lower the cost is never taken, unless it is
+        trusted.
 
     Raises:
         FitError: the start itself sees a point at infinity.
@@ -232,13 +254,18 @@ def adjust(
     world = DeformableTarget(nominal=pairs.world) if world is None else world
     now = _begin(State(lens, poses, world), pairs, huber_px)
     near, iterations, reach = damping < COLD_DAMPING, 0, 1.0
+    before = cost_before / max(now.cost, 1e-300) - 1
     pose_damping = np.zeros((len(poses), 1))
     while iterations < max_iterations:
         step = now.normal.solve(damping, pose_damping)
         gain = now.normal.expected_decrease(step) / max(now.cost, 1e-300)
         # A step from far away, or a damped one, says too little about what is left to gain.
-        if near and gain < relative_decrease and damping < COLD_DAMPING:
+        left = gain * gain / before if trust_last and gain < before else gain
+        if near and left < relative_decrease and damping < COLD_DAMPING:
+            if trust_last:
+                now = replace(now, **vars(now.moved(*step)))
             break
+        before = gain
         iterations += 1
         new = _evaluate(now.moved(*(reach * part for part in step)), pairs, huber_px)
         least = relative_decrease
@@ -297,11 +324,11 @@ def _evaluate(state: State[L], pairs: Observations, huber_px: float) -> Adjustme
             cost += float(pairs.weight[run] @ huber_cost(length, huber_px))
             if np.isfinite(cost):
                 normal.add(terms, world.corner[run])
-        prior = state.lens.pulls()
+        priors = state.lens.pulls(), world.pulls()
         offset = (world.offset_weight * world.offsets).reshape(-1)
-        cost += 0.5 * float(prior[-1, -1] + world.pulls()[-1, -1] + offset @ offset)
+        cost += 0.5 * float(sum(prior[-1, -1] for prior in priors) + offset @ offset)
         if np.isfinite(cost):
-            normal = normal.with_pulls(prior, world)
+            normal = normal.with_pulls(priors, world)
     return Adjustment(
         **vars(state),
         residual=residual,

@@ -199,7 +199,8 @@ class DeformableTarget:
             pairs = part.pairs[first:stop]
             own, shape = d_world[pairs - run.start], part.basis.shape[2]
             columns = np.empty((len(pairs), 2, part.place.stop - part.shape.start))
-            columns[:, :, :shape] = own @ part.basis[part.cell[first:stop]]
+            basis = part.basis[part.cell[first:stop]]
+            columns[:, :, :shape] = np.einsum("nai,nis->nas", own, basis)
             place = self.parameters[part.place]
             if len(place):
                 arm = self.points[pairs] - part.middle - place[3:] * part.size
@@ -214,6 +215,8 @@ class DeformableTarget:
 
         It is (S + 1, S + 1) like a lens's prior; the mean stretch is the overall scale.
         """
+        if not self.parts:
+            return np.zeros((1, 1))
         weight = self.noise / self.spread
         rows = [np.diag(weight)]
         stretches = np.flatnonzero(self.kinds == _STRETCHED)

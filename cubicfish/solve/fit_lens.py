@@ -48,6 +48,21 @@ class FitLens:
         """Camera-frame points (N, 3) -> pixel (N, 2), d/d point (N, 2, 3), d/d param (N, 2, K)."""
         raise NotImplementedError
 
+    def separate_slopes(
+        self, points: FloatArray
+    ) -> tuple[FloatArray, FloatArray, Sequence[FloatArray], IntArray]:
+        """As :meth:`pixel_and_slopes`, with x and y apart: each need not depend on all parameters.
+
+        Returns:
+            Pixel (N, 2); d/d point (N, 2, 3); the derivatives of x and y by the parameters on which
+            they depend, in parts one after the other, (2, ., N), or (1, ., N) where they are the
+            same for both; and the indices (2, k) of these parameters.
+
+        """
+        pixel, by_point, by_parameter = self.pixel_and_slopes(points)
+        columns = np.tile(np.arange(by_parameter.shape[2]), (2, 1))
+        return pixel, by_point, [by_parameter.transpose(1, 2, 0)], columns
+
     def project(self, points: FloatArray) -> FloatArray:
         """Camera-frame points (N, 3) -> pixel (N, 2), not finite where there is none."""
         return self.pixel_and_slopes(points)[0]
@@ -76,22 +91,21 @@ class FitLens:
         return self
 
     def by_body(
-        self, photos: IntArray, shots: Poses, by_lens: FloatArray, by_view: FloatArray
-    ) -> tuple[FloatArray, IntArray, FloatArray]:
-        """Convert derivatives of n pairs by their camera to those by the body.
+        self, photos: IntArray, shots: Poses, by_view: FloatArray
+    ) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Convert derivatives of n pairs by their camera's pose to those by the body.
 
         Args:
             photos: (n,) of one camera.
             shots: the body's poses.
-            by_lens: (n, 2, L) by the lens's parameters.
             by_view: (n, 2, 6) by the turn and the shift of the photo's own pose.
 
         Returns:
-            (n, 2, k) by what the body's photos share; (k,) the indices of these parameters; and
-            (n, 2, 6) by the shot's pose.
+            The indices (L + k,) of the lens's parameters and, behind them, of what else the body's
+            photos share; (n, 2, k) by that; and (n, 2, 6) by the shot's pose.
 
         """
-        return by_lens, np.arange(by_lens.shape[2]), by_view
+        return np.arange(len(self.parameters)), np.zeros((len(photos), 2, 0)), by_view
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -151,7 +165,8 @@ class FreeLens(FitLens, Generic[L]):
     def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Points (N, 3) -> pixel (N, 2), d/d point (N, 2, 3), d/d free parameter (N, 2, F)."""
         pixel, by_point, by_parameter = self.lens.pixel_and_slopes(points)
-        return pixel, by_point, by_parameter[:, :, self.free] * self.units
+        by_free = by_parameter.transpose(1, 2, 0)[:, self.free] * self.units[:, None]
+        return pixel, by_point, by_free.transpose(2, 0, 1)
 
     def project(self, points: FloatArray) -> FloatArray:
         """Points (N, 3) -> pixels (N, 2), not finite where the model has none."""

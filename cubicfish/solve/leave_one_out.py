@@ -110,6 +110,10 @@ class LeaveOneOut:
     def _equations_of_all(self) -> Eliminated:
         return self._fit.normal.eliminated(_DAMPING)
 
+    @cached_property
+    def _terms_of_all(self) -> list[tuple[slice, Linearised]]:
+        return list(linearise(self._fit, self._fit.pairs, self._fit.huber_px))
+
     def _is_small(self, group: IntArray) -> bool:
         """Whether the derivatives of the pairs that are seen from some poses may be kept."""
         return int(np.isin(self._shot, group).sum()) <= _KEPT_PAIRS
@@ -123,6 +127,13 @@ class LeaveOneOut:
 
         """
         own, fit = np.flatnonzero(np.isin(self._shot, group)), self._fit
+        if len(self._shot) <= _KEPT_PAIRS:
+            for run, terms in self._terms_of_all:
+                rows = own[(own >= run.start) & (own < run.stop)]
+                corner = fit.world.corner[rows] if len(fit.world.corner) else fit.world.corner
+                if rows.size:
+                    yield fit.pairs.error_known[rows], corner, terms.select(rows - run.start)
+            return
         pairs, state = fit.pairs.select(own), State(fit.lens, fit.poses, fit.world.select(own))
         for run, terms in linearise(state, pairs, fit.huber_px):
             yield pairs.error_known[run], state.world.corner[run], terms
@@ -162,7 +173,7 @@ class LeaveOneOut:
         """
         lefts, by_poses, roots, places, tells = [], [], [], [], []
         for told, corner, terms in self._linearise(group) if known is None else known:
-            left = terms.miss[:, :, None] + terms.by_shared @ shared[terms.columns]
+            left = terms.miss[:, :, None] + terms.by_shared(shared)
             if len(offset):
                 left += terms.by_corner @ offset[corner]
             lefts.append(left)

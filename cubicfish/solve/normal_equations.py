@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -34,9 +35,11 @@ class Linearised:
     Attributes:
         residual: (n, 2) pixels.
         root: (n,) root of each pair's weight, which falls where the loss is linear.
-        rows: (n, 2, 6 + k + 4) ``by_pose``, ``by_shared``, ``miss`` and ``by_corner``, side by
-            side: products of all of them are formed at once.
-        columns: (k,) the indices of the shared unknowns on which these pairs depend, among all.
+        rows: (2, 6 + k + 4, n) ``by_pose``, those by the shared unknowns, ``miss`` and
+            ``by_corner``, one below the other: products of all of them are formed at once. First
+            those of all x, then those of all y, which need not depend on the same unknowns.
+        columns: (2, k) the indices of the shared unknowns on which x and y of these pairs depend,
+            among all.
         pose: (n,) index of the pose of each pair.
 
     """
@@ -50,22 +53,32 @@ class Linearised:
     @property
     def by_pose(self) -> FloatArray:
         """(n, 2, 6) by the turn and the shift of the pair's pose."""
-        return self.rows[:, :, :_POSE]
+        return self.rows[:, :_POSE].transpose(2, 0, 1)
 
-    @property
-    def by_shared(self) -> FloatArray:
-        """(n, 2, k) by the shared unknowns of ``columns``."""
-        return self.rows[:, :, _POSE : -1 - _CORNER]
+    def by_shared(self, step: FloatArray) -> FloatArray:
+        """(n, 2, H) how the misses change by steps (K, H) of all shared unknowns."""
+        own = zip(self.rows[:, _POSE : -1 - _CORNER], self.columns, strict=True)
+        return np.stack([rows.T @ step[columns] for rows, columns in own], axis=1)
 
     @property
     def miss(self) -> FloatArray:
         """(n, 2) the residuals."""
-        return self.rows[:, :, -1 - _CORNER]
+        return self.rows[:, -1 - _CORNER].T
 
     @property
     def by_corner(self) -> FloatArray:
         """(n, 2, 3) by the pair's world point; 0 where the target is not free."""
-        return self.rows[:, :, -_CORNER:]
+        return self.rows[:, -_CORNER:].transpose(2, 0, 1)
+
+    def select(self, pairs: IntArray) -> Linearised:
+        """Those of some pairs, by their indices."""
+        return replace(
+            self,
+            residual=self.residual[pairs],
+            root=self.root[pairs],
+            rows=self.rows[:, :, pairs],
+            pose=self.pose[pairs],
+        )
 
     @classmethod
     def of(
@@ -78,15 +91,17 @@ class Linearised:
         columns: IntArray,
         pose: IntArray,
     ) -> Linearised:
-        """Put together what is not yet times ``root``; the parts of ``by_shared`` are (n, 2, .)."""
-        rows = np.empty((len(root), 2, _POSE + len(columns) + 1 + _CORNER))
-        weight, first = root[:, None, None], 0
+        """Put together what is not yet times ``root``.
+
+        Derivatives of x and y are (2, ., n), or (1, ., n) where they are the same for both.
+        """
+        rows, first = np.empty((2, _POSE + columns.shape[1] + 1 + _CORNER, len(root))), 0
         if by_corner is None:
-            rows[:, :, -_CORNER:] = 0
-        parts = [by_pose, *by_shared, residual[:, :, None]]
+            rows[:, -_CORNER:] = 0
+        parts = [by_pose, *by_shared, residual.T[:, None]]
         for part in parts if by_corner is None else [*parts, by_corner]:
-            stop = first + part.shape[2]
-            np.multiply(part, weight, out=rows[:, :, first:stop])
+            stop = first + part.shape[1]
+            np.multiply(part, root, out=rows[:, first:stop])
             first = stop
         return cls(residual=residual, root=root, rows=rows, columns=columns, pose=pose)
 
@@ -132,34 +147,48 @@ class NormalEquations:
 
         A photo sees each corner once, so among the pairs of one camera no place comes twice.
         """
-        rows, columns = terms.rows, np.append(terms.columns, len(self.shared))
-        flat = rows[:, :, : _POSE + len(columns)].reshape(2 * len(rows), -1)
-        right = flat[:, _POSE:]
-        self.shared[np.ix_(terms.columns, columns)] += (right.T @ right)[:-1]
-        # All of them in a row need no index, which costs.
-        own = slice(None) if len(columns) > len(self.shared) else columns
         # Pairs of one photo stand together: dense products are faster than sparse sums.
-        cuts = [0, *(np.flatnonzero(np.diff(terms.pose)) + 1).tolist(), len(rows)]
-        for first, stop in pairwise(cuts):
-            photo, pose = flat[2 * first : 2 * stop], terms.pose[first]
-            product = photo[:, :_POSE].T @ photo
-            self.pose[pose] += product[:, :_POSE]
-            self.pose_shared[pose][:, own] += product[:, _POSE:]
+        cuts = np.flatnonzero(np.diff(terms.pose, prepend=-1, append=-1))
+        poses = terms.pose[cuts[:-1]]
+        for rows, columns in zip(terms.rows, terms.columns, strict=True):
+            right, own_columns = rows[_POSE:-_CORNER], tuple(columns.tolist())
+            every = _cut_pieces((*own_columns, len(self.shared)))
+            product = right @ right.T
+            for above, own in _cut_pieces(own_columns):
+                for beside, place in every:
+                    self.shared[own, place] += product[above, beside]
+            by_photo = _multiply_by_photo(rows[:-_CORNER], cuts)
+            self.pose[poses] += by_photo[:, :, :_POSE]
+            for beside, place in every:
+                self.pose_shared[poses, :, place] += by_photo[:, :, _POSE:][:, :, beside]
         if len(self.corner):
-            summed = summed_by(corner, len(self.corner), terms.by_corner, rows[:, :, _POSE:])
-            self.corner[:] += summed[:, :, -_CORNER:]
-            self.corner_shared[:, :, own] += summed[:, :, :-_CORNER]
-            both = terms.by_pose.transpose(0, 2, 1) @ terms.by_corner
-            self.pose_corner[terms.pose, :, corner] += both
+            self._add_corners(terms, corner)
 
-    def with_pulls(self, lens_prior: FloatArray, world: DeformableTarget) -> NormalEquations:
-        """Add the priors of the lens, of the boards and of free corners."""
+    def _add_corners(self, terms: Linearised, corner: IntArray) -> None:
+        """Add what pairs say of free corners, and of these together with all else."""
+        groups = list(_group_by(corner, len(self.corner)))
+        for rows, columns in zip(terms.rows, terms.columns, strict=True):
+            every = _cut_pieces((*columns.tolist(), len(self.shared)))
+            for alike, own in groups:
+                seen = rows[_POSE:, own]
+                product = seen[-_CORNER:].transpose(1, 0, 2) @ seen.transpose(1, 2, 0)
+                self.corner[alike] += product[:, :, -_CORNER:]
+                for beside, place in every:
+                    self.corner_shared[alike, :, place] += product[:, :, beside]
+        both = np.einsum("apn,acn->npc", terms.rows[:, :_POSE], terms.rows[:, -_CORNER:])
+        self.pose_corner[terms.pose, :, corner] += both
+
+    def with_pulls(self, priors: Sequence[FloatArray], world: DeformableTarget) -> NormalEquations:
+        """Add the priors of the shared unknowns, those of the lens first, and of free corners."""
         shared, corner_shared = self.shared.copy(), self.corner_shared.copy()
         first = 0
-        for prior in (lens_prior, world.pulls()):
-            own = first + np.arange(len(prior) - 1)
-            shared[np.ix_(own, np.append(own, -1))] += prior[:-1]
-            first += len(own)
+        for prior in priors:
+            stop = first + len(prior) - 1
+            shared[first:stop, first:stop] += prior[:-1, :-1]
+            shared[first:stop, -1] += prior[:-1, -1]
+            first = stop
+        if not len(corner_shared):
+            return replace(self, shared=shared)
         pull = world.offset_weight**2
         corner_shared[:, :, -1] += pull * world.offsets
         corner = self.corner + pull * np.eye(3)
@@ -362,18 +391,42 @@ def damped(matrix: FloatArray, damping: float | FloatArray) -> FloatArray:
     return damped
 
 
-def summed_by(index: IntArray, count: int, left: FloatArray, right: FloatArray) -> FloatArray:
-    """(count, a, C) sums of leftᵀ right, (n, 2, a) and (n, 2, C), over the pairs of an index."""
+def _multiply_by_photo(rows: FloatArray, cuts: IntArray) -> FloatArray:
+    """(M, 6, C) products of the first six of rows (C, n) with all of them, photo by photo.
+
+    Photo m has the pairs from ``cuts[m]`` on, up to ``cuts[m + 1]``.
+    """
+    sizes = np.diff(cuts)
+    if (sizes == sizes[0]).all():
+        alike = rows.reshape(len(rows), len(sizes), -1)
+        return np.asarray(alike[:_POSE].transpose(1, 0, 2) @ alike.transpose(1, 2, 0))
+    photos = [rows[:, first:stop] for first, stop in pairwise(cuts.tolist())]
+    return np.stack([photo[:_POSE] @ photo.T for photo in photos])
+
+
+@lru_cache(maxsize=64)
+def _cut_pieces(index: tuple[int, ...]) -> list[tuple[slice, slice]]:
+    """Cut an index where it leaps: the slices of each piece, in it and where it leads.
+
+    Slices need no copy, which an index does.
+    """
+    cuts = [0, *(np.flatnonzero(np.diff(index) != 1) + 1).tolist(), len(index)]
+    ends = [(first, stop, index[first]) for first, stop in pairwise(cuts) if first < stop]
+    return [(slice(first, stop), slice(to, to + stop - first)) for first, stop, to in ends]
+
+
+def _group_by(index: IntArray, count: int) -> Iterator[tuple[IntArray, IntArray]]:
+    """Group the places of an index (n,) below ``count``: those that come equally often together.
+
+    Yields:
+        (g,) some places, and (g, times) the pairs of each.
+
+    """
     order, often = np.argsort(index, kind="stable"), np.bincount(index, minlength=count)
     first = np.cumsum(often) - often
-    summed = np.zeros((count, left.shape[2], right.shape[2]))
-    # Those that come equally often are summed by one product.
     for times in np.unique(often[often > 0]).tolist():
         alike = np.flatnonzero(often == times)
-        own = order[first[alike, None] + np.arange(times)]
-        lefts, rights = (part[own].reshape(len(alike), 2 * times, -1) for part in (left, right))
-        summed[alike] = lefts.transpose(0, 2, 1) @ rights
-    return summed
+        yield alike, order[first[alike, None] + np.arange(times)]
 
 
 def gram(slope: FloatArray, residual: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cubicfish.angles import angle_from_axis
-from cubicfish.fit.cubic_fit import fit_cubic
+from cubicfish.fit.cubic_fit import NEAR_DECREASE, fit_cubic
 from cubicfish.fit.lenses import CubicFit
 from cubicfish.fit.prior import EXPECTED, Prior
 from cubicfish.fit.radial_reference import LOST_PX, radial_near
@@ -38,7 +38,6 @@ from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
 from cubicfish.types import FloatArray
 
-_DECREASE = 1e-7
 # For files that do not say how symmetric a lens the prior on P is about: once it was always this.
 _OLDER_SPREAD = 0.01
 # The prior holds P so far beyond the cone where it may be trusted.
@@ -109,7 +108,7 @@ class Knowledge:
             reference,
             _read_prior(fit, central=not camera.pupil_travel),
             world=world,
-            relative_decrease=_DECREASE,
+            relative_decrease=NEAR_DECREASE,
         )
         return cls(
             camera=replace(
@@ -126,37 +125,46 @@ class Knowledge:
         )
 
     def of_photo(self, points: FloatArray) -> Knowledge:
-        """The information of one more photo of known corners of the target.
+        """The information of one more photo; see :meth:`of_photos`."""
+        return self.of_photos([points])[0]
 
-        The photo's own pose is unknown and eliminated. The target counts as known; for a fit that
+    def of_photos(self, photos: Sequence[FloatArray]) -> list[Knowledge]:
+        """The information of each of more photos of known corners of the target.
+
+        A photo's own pose is unknown and eliminated. The target counts as known; for a fit that
         refines it that is wrong by a few percent. Corners beyond the cone where P is held count for
         nothing.
 
         Args:
-            points: (N, 3) the corners in the camera frame, in the target's units; six or more
-                numbers must fix the pose.
+            photos: of each (N, 3) the corners in the camera frame, in the target's units; six or
+                more numbers must fix the pose.
 
         """
-        points = points / self.scale
+        points = np.concatenate(photos) / self.scale
+        photo = np.repeat(np.arange(len(photos)), [len(one) for one in photos])
         held = np.deg2rad(self.camera.max_angle_deg + _PRIOR_BEYOND_DEG)
-        points = points[angle_from_axis(points) <= held]
         lens = self.gauge.lens
         assert isinstance(lens, CubicFit)
         # Beyond the field P may have a pole, behind which there are no slopes.
         seen = np.isfinite(np.hstack([lens.project(points), lens.far(points)])).all(axis=1)
-        points = points[seen]
+        seen &= angle_from_axis(points) <= held
+        points, photo = points[seen], photo[seen]
         _, d_point, d_lens = lens.pixel_and_slopes(points)
-        by_lens = d_lens.reshape(-1, d_lens.shape[2])
-        length = np.median(np.linalg.norm(points, axis=-1))  # so that shifts are like turns
-        moved = np.concatenate([-d_point @ cross_matrix(points), length * d_point], axis=2)
-        by_pose = moved.reshape(-1, 6)
-        inverse = np.linalg.inv(by_pose.T @ by_pose)
-        cross = by_lens.T @ by_pose
-        own = slice(0, by_lens.shape[1])
-        hessian = np.zeros_like(self.hessian)
-        hessian[own, own] += by_lens.T @ by_lens - cross @ inverse @ cross.T
-        gauge = Gauge.over(lens, points)
-        return replace(self, hessian=hessian, gauge=gauge)
+        turned, far = -d_point @ cross_matrix(points), FarSlopes.of(lens, points)
+        away = np.linalg.norm(points, axis=-1)
+        found = []
+        for first, end in np.searchsorted(photo, [[one, one + 1] for one in range(len(photos))]):
+            own, rows = slice(first, end), slice(2 * first, 2 * end)
+            length = np.median(away[own])  # so that shifts are like turns
+            by_pose = np.concatenate([turned[own], length * d_point[own]], axis=2).reshape(-1, 6)
+            by_lens = d_lens[own].reshape(len(by_pose), -1)
+            cross = by_lens.T @ by_pose
+            eliminated = cross @ np.linalg.inv(by_pose.T @ by_pose) @ cross.T
+            hessian = np.zeros_like(self.hessian)
+            hessian[: len(cross), : len(cross)] = by_lens.T @ by_lens - eliminated
+            slopes = FarSlopes(by_turn=far.by_turn[rows], by_lens=far.by_lens[rows])
+            found.append(replace(self, hessian=hessian, gauge=Gauge.over(lens, slopes)))
+        return found
 
     def __add__(self, other: Knowledge) -> Knowledge:
         """The information of both on the same lens."""
@@ -174,14 +182,19 @@ class Knowledge:
         """The covariance σ² H⁻¹."""
         return covariance(self.gauge, self.hessian, self.noise_px)
 
-    def over(self, rays: FloatArray | FarSlopes) -> FieldUncertainty:
+    def over(self, rays: FloatArray) -> FieldUncertainty:
         """The uncertainty over unit rays (N, 3)."""
         return summed(self.uncertainty().sigma_px(rays))
 
     def over_with(self, photos: Sequence[Knowledge], rays: FloatArray) -> list[FieldUncertainty]:
         """The uncertainty over unit rays (N, 3) with each of some photos added."""
-        slopes = FarSlopes.of(self.gauge.lens, rays)
-        return [(self + photo).over(slopes) for photo in photos]
+        gauge = replace(
+            self.gauge,
+            by_turn=np.stack([photo.gauge.by_turn for photo in photos]),
+            by_both=np.stack([photo.gauge.by_both for photo in photos]),
+        )
+        more = replace(self, hessian=np.stack([photo.hessian for photo in photos]), gauge=gauge)
+        return [*map(summed, (self + more).uncertainty().sigma_px(rays))]
 
     def as_recorded(self, fit: FitRecord, rays: FloatArray) -> tuple[Knowledge, FieldUncertainty]:
         """The same, scaled to the uncertainty on record over rays (N, 3), and that uncertainty.

@@ -68,7 +68,7 @@ class Found:
             return cls(patches=_make_patches_of_grids(detection))
         pairs = corners.only_seen()[0] if len(corners.pixel) else None
         return cls(
-            patches=_make_patches_of_corners(corners),
+            patches=patches_of_corners(corners),
             pairs=pairs,
             target=corners.target,
             findings=detection.findings,
@@ -107,7 +107,8 @@ def _make_patches_of_grids(detection: Detection) -> dict[str, tuple[Patch, ...]]
     }
 
 
-def _make_patches_of_corners(corners: Observations) -> dict[str, tuple[Patch, ...]]:
+def patches_of_corners(corners: Observations) -> dict[str, tuple[Patch, ...]]:
+    """What each photo shows, by its name, as far as its corners have names."""
     cells = np.column_stack([corners.column, corners.row])
     patches = {}
     for number in np.unique(corners.image).tolist():

@@ -75,7 +75,7 @@ def test_what_is_uncertain_of_names_goes_along() -> None:
         [places, places], [pixel, pixel], (64, 48), images=["a", "b"], boards=["board"]
     )
     corners = replace(corners, certain=corners.image == 0)
-    patches = frame_search._make_patches_of_corners(corners)
+    patches = frame_search.patches_of_corners(corners)
     assert {name: [one.certain for one in own] for name, own in patches.items()} == {
         "a": [True],
         "b": [False],

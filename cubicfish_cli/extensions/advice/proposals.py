@@ -79,23 +79,27 @@ def proposed(
     count: bool = True,
 ) -> tuple[tuple[Proposal, ...], int | None]:
     """Choose the next photos, and count how many of them reach the goal, if that is wanted."""
-    added = [knowledge.of_photo(view.seen.camera[view.seen.visible]) for view in views]
+    added = knowledge.of_photos([view.seen.camera[view.seen.visible] for view in views])
     filled = np.array([_find_filled(view, gaps) for view in views])
     empty, squares = gaps.cells.empty, max(gaps.cells.field.sum(), 1)
     chosen: list[Proposal] = []
-    # The same photo twice would say little new about a real lens and a real target.
-    taken = np.zeros(len(views), bool)
+    tried, score = np.arange(len(views)), np.zeros(len(views))
     state, level = knowledge, knowledge.over(rays)
     needed = None
-    while len(chosen) < MOST_PHOTOS and not taken.all():
-        sums = state.over_with(added, rays)
-        fill = (filled & empty).sum(axis=(1, 2)) / squares
+    while len(chosen) < min(MOST_PHOTOS, len(views)):
+        sums = state.over_with([added[one] for one in tried], rays)
+        fill = (filled[tried] & empty).sum(axis=(1, 2)) / squares
         left = np.array([_measure_left(after, level) for after in sums])
-        best = int(np.argmin(np.where(taken, np.inf, left - fill)))
-        chosen.append(Proposal(view=views[best], before=level, after=sums[best]))
-        state, level = state + added[best], sums[best]
+        score[tried] = left - fill
+        first = int(np.argmin(score[tried]))
+        best, after = tried[first], sums[first]
+        chosen.append(Proposal(view=views[best], before=level, after=after))
+        state, level = state + added[best], after
         empty &= ~filled[best]
-        taken[best] = True
+        # The same photo twice would say little new about a real lens and a real target.
+        score[best] = np.inf
+        # Beside more photos a photo adds less: those that added least before are not the next.
+        tried = np.argsort(score)[: min(max(len(views) // 2, 1), len(views) - len(chosen))]
         covered = 1 - empty.sum() / squares >= goal.coverage
         if needed is None and level.p95_px <= goal.p95_px and covered:
             needed = len(chosen)

@@ -188,5 +188,8 @@ def _pupil(camera: CubicCamera) -> list[float]:
     if not camera.pupil_travel:
         return [0.0]
     rays: FloatArray = cone_rays(math.radians(camera.max_angle_deg), _RAYS)
-    series = np.polynomial.Polynomial.fit(1 - rays[:, 2], camera.pupil_shift(rays), _TERMS)
-    return series.convert().coef.tolist()
+    depth = 1 - rays[:, 2]
+    largest, power = float(depth.max()), np.arange(_TERMS + 1)
+    rows = (depth / largest)[:, None] ** power
+    found = np.linalg.lstsq(rows, camera.pupil_shift(rays), rcond=None)[0] / largest**power
+    return found.tolist()

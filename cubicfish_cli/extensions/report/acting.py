@@ -20,13 +20,14 @@ from cubicfish_cli.extensions.advice.proposals import Proposal
 from cubicfish_cli.extensions.native.source import source_text
 from cubicfish_cli.extensions.report.figures import draw_outline, shade_empty
 from cubicfish_cli.inputs.calibration_facts import Facts
+from cubicfish_cli.render.board_shapes import dark_squares, paper
 from cubicfish_cli.render.pages import figures as page
 from cubicfish_cli.render.pages.plot import INK, picture_plot
 from cubicfish_cli.words.phrases import shell_line
 
 # Of more corners it would take longer than all else of the page.
 _MOST_CORNERS = 4000
-_PIECES = 12  # of a board's side, which a fisheye bends
+_PIECES = 6  # of a board's side, which a fisheye bends
 _BEYOND_DEG = 8.0  # boards are drawn this far beyond the field
 _ACROSS = 960  # pixels of a straightened photo, at most
 _KINDS = ("perspective", "cylindrical", "equirectangular", "stereographic", "equidistant")
@@ -101,13 +102,10 @@ def _draw_next(facts: Facts, advice: Advice, number: int, proposal: Proposal) ->
     away = np.linalg.norm(seen.camera, axis=1)
     shown = np.unique(seen.board[seen.visible]).tolist()
     for index in sorted(shown, key=lambda one: -float(away[seen.board == one].mean())):
-        corner = boards[index].outline()
-        share = np.linspace(0, 1, _PIECES, endpoint=False)[:, None, None]
-        edge = (1 - share) * corner + share * np.roll(corner, -1, axis=0)
-        outline = lens.project(view.points(edge.transpose(1, 0, 2).reshape(-1, 3)))
-        colour = colours[index % len(colours)]
-        plot.area(outline, colour, 0.35)
-        plot.dots(seen.pixel[seen.visible & (seen.board == index)], colour, 2.2)
+        board, colour = boards[index], colours[index % len(colours)]
+        squares = board.origin + dark_squares(board) @ board.axes[:2]
+        for shapes, opacity in ((paper(board, _PIECES), 0.2), (squares, 0.6)):
+            plot.areas(lens.project(view.points(shapes)), colour, opacity)
     gain = (
         f"{proposal.before.median_px:.3f} px → {proposal.after.median_px:.3f} px, "
         f"{100 * proposal.gain:.0f} % less over the field"
@@ -118,9 +116,13 @@ def _draw_next(facts: Facts, advice: Advice, number: int, proposal: Proposal) ->
         title=f"{number}. Put {proposal.words}",
         label=f"Where the target should be in photo {number} of those to take next",
         caption=f"Uncertainty: {gain}.",
-        keys=tuple(
-            page.Key(kind="area", colour=colours[one % len(colours)], text=boards[one].name)
-            for one in shown
+        keys=(
+            *(
+                page.Key(kind="area", colour=colours[one % len(colours)], text=boards[one].name)
+                for one in shown
+            ),
+            page.Key(kind="dot", colour=INK, text="corners so far"),
+            page.Key(kind="area", colour=page.RED, text="no corner yet"),
         ),
     )
 

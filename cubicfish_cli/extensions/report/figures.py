@@ -171,7 +171,7 @@ def _rays_at(angle: FloatArray, around: FloatArray) -> FloatArray:
 
 def profile_figure(camera: CubicCamera) -> page.Drawn:
     """Draw the radius by angle, beside the reference and ideal lenses."""
-    theta = np.deg2rad(np.linspace(0, camera.max_angle_deg, 61))[1:]
+    theta = np.deg2rad(np.linspace(0, camera.max_angle_deg, 31))[1:]
     rays = _rays_at(*np.meshgrid(theta, np.linspace(0, 2 * np.pi, 48), indexing="ij"))
     radial = camera.radial
     own = np.linalg.norm(camera.project(rays) - camera.project([0.0, 0.0, 1.0]), axis=-1)
@@ -232,12 +232,11 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> page.Drawn | None:
     # In the middles of equal cells of the photo.
     sides = zip(camera.image_size, _CELLS, strict=True)
     x, y = ((np.arange(cells) + 0.5) / cells * side - 0.5 for side, cells in sides)
-    pixel = np.stack(np.meshgrid(x, y), axis=-1)
-    sigma = facts.fit.uncertainty.at(pixel.reshape(-1, 2))
+    sigma = facts.fit.uncertainty.over_grid(x, y)
     if sigma is None:
         return None
-    sigma = sigma.reshape(pixel.shape[:2])
-    some, where = sigma[::_EVERY, ::_EVERY].ravel(), pixel[::_EVERY, ::_EVERY].reshape(-1, 2)
+    some = sigma[::_EVERY, ::_EVERY].ravel()
+    where = np.stack(np.meshgrid(x[::_EVERY], y[::_EVERY]), axis=-1).reshape(-1, 2)
     angle, field = angle_from_axis(camera.unproject(where)), [facts.outline]
     blind = facts.errors.gaps.cells.blind if facts.errors else 0.0
     if blind:  # where the camera sees itself

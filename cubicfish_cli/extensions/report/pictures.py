@@ -91,14 +91,16 @@ def all_pictures(facts: Facts, zoom: float) -> Pictures:
     example = max(chosen, key=lambda photo: photo.corners, default=None)
 
     def made(photo: PhotoRecord) -> tuple[PhotoPicture, Example | None] | str:
+        large, card = photo in chosen[:MOST_CARDS], None
+        least = _CARD if large else _THUMBNAIL
         try:
-            picture = _read(facts, photo, whole=photo is example)
+            picture = _read(facts, photo, None if photo is example else least)
         except PhotoError as problem:
             return f"{problem}."
-        middle, card = thumbnail(picture, _CARD), None
-        if photo in chosen[:MOST_CARDS]:
-            card = data_uri(_draw_found(facts, photo, middle, zoom), _QUALITY)
-        copies = PhotoPicture(small=data_uri(thumbnail(middle, _THUMBNAIL), _QUALITY), card=card)
+        copy = thumbnail(picture, least)
+        if large:
+            card = data_uri(_draw_found(facts, photo, copy, zoom), _QUALITY)
+        copies = PhotoPicture(small=data_uri(thumbnail(copy, _THUMBNAIL), _QUALITY), card=card)
         return copies, _make_example(facts, photo, picture) if photo is example else None
 
     with ThreadPoolExecutor(_THREADS) as threads:
@@ -115,8 +117,8 @@ def all_pictures(facts: Facts, zoom: float) -> Pictures:
     )
 
 
-def _read(facts: Facts, photo: PhotoRecord, *, whole: bool) -> npt.NDArray[Any]:
-    """Read a photo of a fit; if not whole, large enough for its copies.
+def _read(facts: Facts, photo: PhotoRecord, least: int | None) -> npt.NDArray[Any]:
+    """Read a photo of a fit, its longer side at least so many pixels, or whole.
 
     Raises:
         PhotoError: it cannot be read, or has changed since the fit.
@@ -126,7 +128,7 @@ def _read(facts: Facts, photo: PhotoRecord, *, whole: bool) -> npt.NDArray[Any]:
     file = PictureFile.read(path)
     if digest is not None and hashlib.sha256(file.data).hexdigest() != digest:
         raise PhotoError(f"{path} is not shown: it is no longer the photo that was calibrated with")
-    picture = file.picture(least=None if whole else _CARD)
+    picture = file.picture(least=least)
     if file.size != facts.camera.image_size:
         raise PhotoError(f"{path} is not shown: it is not of the camera's size")
     return picture

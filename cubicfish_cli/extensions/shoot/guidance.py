@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -28,6 +28,9 @@ from cubicfish.sufficiency import Goal
 from cubicfish_cli.extensions.advice.advise import Advice, advise
 from cubicfish_cli.extensions.advice.limited_lens import LimitedLens, limited_lens
 from cubicfish_cli.extensions.advice.proposals import place_words, tilt_words
+from cubicfish_cli.films.choose import Seen, choose
+from cubicfish_cli.films.frame_search import patches_of_corners
+from cubicfish_cli.films.scan import still_px
 from cubicfish_cli.render.board_shapes import dark_squares, paper
 
 # Before a lens is known, it is taken for one that sees so far from its axis, in a round picture
@@ -39,6 +42,9 @@ _BEYOND_DEG, _PIECES = 8.0, 6
 # Two photos show the target in the same place where corners are nearer than this share of the
 # picture's diagonal, in the median: less than half of what two steps of a hand differ by.
 _SAME_PLACE = 0.04
+# A quick camera is fitted to so many photos at most, those that cover most: more would take longer
+# and longer, and the last of them say little.
+MOST_FITTED = 60
 # Makes one number of a corner's board, column and row.
 _ONE_NUMBER = np.array([10**8, 10**4, 1])
 
@@ -48,7 +54,9 @@ class Guidance:
     """What photos so far say.
 
     Attributes:
+        pairs: the corners that speak for all: of so many photos that a fit takes no longer.
         fitted: the quick camera; None where they do not determine one.
+        errors: RMS error of each photo, pixels.
         advice: what they leave open; None where that cannot be said.
         goal_px: the uncertainty wanted over 95 % of the field.
         view: where the target should be in the next photo; None where it is enough.
@@ -56,7 +64,9 @@ class Guidance:
 
     """
 
+    pairs: Observations | None = None
     fitted: Calibration | None = None
+    errors: Mapping[str, float] = field(default_factory=dict)
     advice: Advice | None = None
     goal_px: float
     view: Viewpoint | None
@@ -103,6 +113,8 @@ class Guide:
         """
         self.target, self.size = target, image_size
         self.goal_px = Goal.of(FitRecord(), image_size, goal_px).p95_px
+        self._chosen, self._weighed = set[str](), set[str]()
+        self._errors = dict[str, float]()
 
     def after(self, pairs: Observations | None) -> Guidance:
         """Return what named corners of photos say; None of no photo."""
@@ -111,7 +123,9 @@ class Guide:
         views: Sequence[Viewpoint] = ()
         with suppress(CubicfishError, np.linalg.LinAlgError):  # too little for a camera
             if pairs is not None:
-                known["fitted"] = fitted = quick_camera(pairs)
+                known["pairs"] = telling = self._choose(pairs)
+                known["fitted"] = fitted = quick_camera(telling)
+                known["errors"] = self._measure(fitted, pairs)
                 # Other poses each time: one that a hand could not take is not asked for again.
                 known["advice"] = advice = advise(
                     fitted, fitted.pairs, fitted.target, goal_px=self.goal_px, seed=count
@@ -127,6 +141,29 @@ class Guide:
         views = self._first_views
         view = views[count % len(views)] if views else None
         return Guidance(view=view, lens=self._guessed, **known)
+
+    def _choose(self, pairs: Observations) -> Observations:
+        """The photos that say most, of those that did before and the new ones."""
+        here = set(pairs.images)
+        pool = self._chosen | (here - self._weighed) if self._chosen <= here else here
+        self._chosen, self._weighed = pool, here
+        if len(pool) > MOST_FITTED:
+            some = _of_names(pairs, pool)
+            patches = patches_of_corners(some)
+            seen = [Seen(sharpness=1.0, patches=patches[name]) for name in some.images]
+            order = choose(seen, self.size, MOST_FITTED, still_px(self.size)).order
+            self._chosen = {some.images[one] for one in order}
+        return _of_names(pairs, self._chosen)
+
+    def _measure(self, fitted: Calibration, pairs: Observations) -> dict[str, float]:
+        """The photos' errors: of those that were not fitted by the camera when they were new."""
+        new = set(pairs.images) - self._chosen - self._errors.keys()
+        if new:
+            with suppress(CubicfishError):
+                seen = evaluate(fitted.camera, _of_names(pairs, new))
+                self._errors |= {one.image: one.rms_px for one in seen.photos}
+        self._errors |= {one.image: one.rms_px for one in fitted.fit.per_image}
+        return {name: self._errors[name] for name in pairs.images if name in self._errors}
 
     def _is_taken(self, view: Viewpoint, pairs: Observations) -> bool:
         seen = view.seen
@@ -170,6 +207,10 @@ class Guide:
 
         squares = (board.origin + dark_squares(board) @ board.axes[:2] for board in boards)
         return {"paper": path(paper(board, _PIECES) for board in boards), "dark": path(squares)}
+
+
+def _of_names(pairs: Observations, names: Collection[str]) -> Observations:
+    return pairs.of_photos(np.flatnonzero([name in names for name in pairs.images]))
 
 
 def same_place(names: npt.NDArray[np.intp], pixel: FloatArray, pairs: Observations) -> str | None:

@@ -50,6 +50,8 @@ _ON_ITS_WAY_SECONDS = 5.0
 _AT_A_TIME, _FEW = 32, 3
 _SHOWN_PIXELS, _QUALITY = 1280, 80
 _ASIDE = 5  # one photo of so many is set aside
+# Whether the corners have the right names is told by so many photos: a wrong target fits none.
+_CHECKED = 3
 _FAR_PX = 12.0  # squares below this many pixels are hard to find
 _CUT_SQUARES = 1.5  # a board that ends so near to the picture's edge may go on beyond it
 _Stamp = tuple[int, int]
@@ -121,6 +123,8 @@ class Shoot:
     _waiting: dict[Path, _Stamp | None] = field(default_factory=dict)
     _last: str = ""
     _shots: int = 0
+    _unmeasured: bool = False
+    _checked: set[str] = field(default_factory=set)
     _ended: dict[str, Any] = field(default_factory=dict)
     _next_look: float = 0.0
 
@@ -151,6 +155,8 @@ class Shoot:
                 asked = self.asked.get(timeout=_POLL_SECONDS)
             except Empty:
                 asked = {}
+                if not self._waiting:
+                    self._use_pause()
 
     def do(self, asked: Mapping[str, Any]) -> bool:
         """Do what the user asks for; False where that is the end."""
@@ -195,6 +201,31 @@ class Shoot:
             self._show(part[-1])
             self._enter(self._search(part, closely=few))
 
+    def _use_pause(self) -> None:
+        """Do what takes long while nobody waits: measure the error, and check the target."""
+        guidance = self.guidance
+        if not self._unmeasured:
+            self._check()
+            return
+        self._unmeasured = False
+        if guidance is not None and guidance.pairs is not None:
+            aside = np.isin(guidance.pairs.images, [*self.taken][_ASIDE - 1 :: _ASIDE])
+            self._held_out = held_out_px(guidance.pairs, np.flatnonzero(aside))
+        self._tell()
+        self.say(self._summary())
+
+    def _check(self) -> None:
+        """Try what may be wrong with the target, by the first photos."""
+        seen = [one.path for one in self.taken.values() if one.corners is not None]
+        path = next((one for one in seen if one.name not in self._checked), None)
+        if path is None or len(self._checked) >= _CHECKED:
+            return
+        self._checked.add(path.name)
+        found = self._search([Photo(name=path.name, path=path)], closely=False, faults=True)
+        if found and found[0].corners is None:
+            self._enter(found)
+            self._follow()
+
     def _enter(self, found: Sequence[Taken]) -> None:
         """Keep what is known of photos, in the order of their names, and say it."""
         for one in found:
@@ -217,11 +248,13 @@ class Shoot:
             self._last, self._shots = photo.name, self._shots + 1
             self._tell()
 
-    def _search(self, photos: Sequence[Photo], *, closely: bool) -> list[Taken]:
+    def _search(
+        self, photos: Sequence[Photo], *, closely: bool, faults: bool = False
+    ) -> list[Taken]:
         """What photos show, and what is wrong with each; of those that are whole."""
         reports, corners, why = list[PhotoReport | None](), None, ""
         try:
-            found = detect(photos, self.targets, self.run, again=False)
+            found = detect(photos, self.targets, self.run, again=False, faults=faults)
             reports, corners = [*found.photos], found.corners
             unreadable = [one.refusal for one in found.photos if one.refusal is not None]
         except DetectionError as problem:
@@ -286,19 +319,18 @@ class Shoot:
         }
 
     def _follow(self) -> None:
-        """Fit a quick camera to the photos, say what to do next, and then measure the error."""
-        used, held = self._usable(), None
-        pairs = Observations.joined([*used.values()]) if used else None
+        """Fit a quick camera to the photos, and say what to do next."""
+        used = self._usable()
         if self._guide is not None:
+            pairs = Observations.joined([*used.values()]) if used else None
             self.guidance, self._held_out = self._guide.after(pairs), None
-            self._tell()
-        if pairs is not None:
-            aside = np.isin(pairs.images, [*self.taken][_ASIDE - 1 :: _ASIDE])
-            self._held_out = held_out_px(pairs, np.flatnonzero(aside))
-            held = None if self._held_out is None else self._held_out[0]
-            self._tell()
-        self.say(words.summary(self.guidance, len(used), held))
+        self._unmeasured = True
+        self._tell()
         self.say(words.next_words(self.guidance))
+
+    def _summary(self) -> str:
+        held, _ = self._held_out or (None, {})
+        return words.summary(self.guidance, len(self._usable()), held)
 
     def _find_new(self) -> list[Photo]:
         """Photos that are new, or were written anew, and are whole."""
@@ -341,9 +373,8 @@ class Shoot:
         """Tell the page all that is known."""
         if self.page is None:
             return
-        said, guide, used = self.guidance, self._guide, self._usable()
+        said, guide = self.guidance, self._guide
         advice = said.advice if said else None
-        held, _ = self._held_out or (None, {})
         self.page.tell(
             {
                 "first": self.first,
@@ -357,7 +388,7 @@ class Shoot:
                 "cells": said and said.cells(),
                 "ghost": guide.ghost(said) if guide and said else None,
                 "next": words.next_words(said),
-                "summary": words.summary(said, len(used), held),
+                "summary": self._summary(),
                 "now": advice.now.p95_px if advice and advice.now else None,
                 "goal": said and said.goal_px,
                 "enough": bool(advice and advice.enough),
@@ -381,8 +412,7 @@ class Shoot:
         }
 
     def _photo_records(self) -> list[dict[str, Any]]:
-        fitted = self.guidance.fitted if self.guidance else None
-        errors = {one.image: one.rms_px for one in fitted.fit.per_image} if fitted else {}
+        errors = self.guidance.errors if self.guidance else {}
         _, held = self._held_out or (None, {})
         return [
             {

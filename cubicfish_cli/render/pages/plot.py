@@ -82,7 +82,13 @@ class Plot:
 
     def area(self, outline: Any, colour: str, opacity: float = 1.0) -> None:
         """Fill an outline (K, ...)."""
-        self._mark(_path(self.place(outline)) + "Z", f'fill="{colour}" fill-opacity="{opacity:g}"')
+        self.areas([outline], colour, opacity)
+
+    def areas(self, outlines: Iterable[Any], colour: str, opacity: float = 1.0) -> None:
+        """Fill outlines (K, ...), but for those with points that are nowhere, as one shape."""
+        placed = [self.place(one) for one in outlines]
+        line = "".join(_path(one) + "Z" for one in placed if np.isfinite(one).all())
+        self._mark(line, f'fill="{colour}" fill-opacity="{opacity:g}"')
 
     def image(
         self, pixels: FloatArray, low: Sequence[float], high: Sequence[float], clip: Any = None

@@ -21,6 +21,7 @@ def template(page: Path) -> Any:
         trim_blocks=True,
         lstrip_blocks=True,
         finalize=_make_printable,
+        optimized=False,  # a page is filled once
     )
     environment.filters["px"] = _write_px
     environment.filters["count"] = _count

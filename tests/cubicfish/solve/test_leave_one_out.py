@@ -130,7 +130,9 @@ def test_what_a_group_put_in_is_what_is_not_left(reference, held):
     leave_one_out = LeaveOneOut(fit, FOLDS)
     for group, (shared, pose, corner) in zip(FOLDS, leave_one_out.steps(), strict=True):
         others = np.setdiff1d(np.arange(8), group)
-        rest = leave_one_out._sum_up(others).with_pulls(fit.lens.pulls(), fit.world)
+        rest = leave_one_out._sum_up(others).with_pulls(
+            (fit.lens.pulls(), fit.world.pulls()), fit.world
+        )
         assert rest.eliminated(1e-13).keeps_poses == (level == "points")
         step = shared, pose[others], corner
         for part, wanted in zip(step, rest.solve(1e-13), strict=True):

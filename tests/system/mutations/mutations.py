@@ -34,8 +34,8 @@ MUTATIONS = tuple(
         ),
         (
             "cubicfish/models/lift.py",
-            "share = 1 / len",
-            "share = 1.01 / len",
+            "index[lower]] = power",
+            "index[lower]] = 1",
             "cubicfish/models/test_lift",
         ),
         (
@@ -114,8 +114,8 @@ MUTATIONS = tuple(
         # The adjustment and its priors.
         (
             "cubicfish/solve/adjustment.py",
-            "[cross(rotated, by_point).transpose(2, 0, 1), d_point]",
-            "[-cross(rotated, by_point).transpose(2, 0, 1), d_point]",
+            "[cross(rotated, by_point), by_point]",
+            "[-cross(rotated, by_point), by_point]",
             "cubicfish/solve/test_adjustment",
         ),
         (
@@ -126,8 +126,8 @@ MUTATIONS = tuple(
         ),
         (
             "cubicfish/solve/normal_equations.py",
-            "shared[np.ix_(own, np.append(own, -1))] += prior[:-1]",
-            "shared[np.ix_(own, own)] += prior[:-1, :-1]",
+            "shared[first:stop, -1] += prior[:-1, -1]",
+            "shared[first:stop, -1] += 0",
             "cubicfish/solve/test_adjustment",
         ),
         (
@@ -193,8 +193,8 @@ MUTATIONS = tuple(
         ),
         (
             "cubicfish/sufficiency/knowledge.py",
-            "hessian[own, own] += by_lens.T @ by_lens - cross",
-            "hessian[own, own] += by_lens.T @ by_lens + cross",
+            "by_lens.T @ by_lens - eliminated",
+            "by_lens.T @ by_lens + eliminated",
             "cubicfish_cli/extensions/advice/test_advice",
         ),
         (

@@ -31,7 +31,7 @@ from cubicfish.solve.subset import select
 from cubicfish.sufficiency import CoverageGaps, Goal, Knowledge
 from cubicfish_cli.extensions.advice.advise import advise, distances_within
 from cubicfish_cli.extensions.advice.limited_lens import limited_lens
-from cubicfish_cli.extensions.advice.proposals import place_words, tilt_words
+from cubicfish_cli.extensions.advice.proposals import place_words, proposed, tilt_words
 from cubicfish_cli.words.sentences import render
 from cubicfish_cli.words.sufficiency import gap_words, summary
 
@@ -227,6 +227,27 @@ def test_no_photo_is_proposed_twice(poor):
     poses = [np.concatenate(proposal.view.pose) for proposal in said.proposals]
     assert len(poses) == 12
     assert len(np.unique(np.round(poses, 9), axis=0)) == 12
+
+
+def test_nearly_the_best_of_all_photos_is_taken_each_time(poor):
+    """Only half of them are tried again beside those that are taken."""
+    knowledge, views = knowledge_of(poor), sample_views(TARGET, TRUE_LENS, IMAGE_SIZE, 60)
+    gaps, rays = CoverageGaps.of(poor.camera, poor.pairs), knowledge.field_rays(0.0)
+    gaps = replace(gaps, cells=replace(gaps.cells, hit=np.ones_like(gaps.cells.hit)))
+    goal = Goal.of(poor.fit, IMAGE_SIZE, 1e-3)
+    said, _ = proposed(knowledge, views, gaps, rays, goal, 8, count=False)
+    added = knowledge.of_photos([view.seen.camera[view.seen.visible] for view in views])
+    left = np.ones(len(views), bool)
+    for one in said:
+        sums, before = knowledge.over_with(added, rays), one.before
+        share = np.array(
+            [(now.median_px / before.median_px + now.p95_px / before.p95_px) / 2 for now in sums]
+        )
+        (taken,) = (index for index, view in enumerate(views) if view is one.view)
+        assert left[taken]
+        assert share[taken] < share[left].min() + 0.02
+        left[taken] = False
+        knowledge += added[taken]
 
 
 @pytest.mark.slow

@@ -56,6 +56,11 @@ def test_a_shoot_in_a_browser(browser: Any, tmp_path: Path) -> None:
             "one.dispatchEvent(new Event('input'))"
         )
         assert bar.size["width"] == pytest.approx(0.5 * 100 * 96 / 25.4, rel=0.01)
+        browser.find_element("id", "full").click()
+        wait_for(browser, lambda page: page.execute_script("return document.fullscreenElement"))
+        assert browser.execute_script("return document.fullscreenElement.id") == "screen"
+        browser.execute_script("document.exitFullscreen()")
+        wait_for(browser, lambda page: not page.execute_script("return document.fullscreenElement"))
         browser.execute_script(
             "window.tones = 0; const made = AudioContext.prototype.createOscillator;"
             "AudioContext.prototype.createOscillator = function () {"

@@ -19,8 +19,18 @@ from running import invoke_cli, run_cli
 from samples import SAMPLE
 from shooting import PHOTOS, TARGET, filmed, shooting
 
-from cubicfish import CubicfishError, Observations, Target, load_corners, read_picture
+from cubicfish import (
+    CubicfishError,
+    Finding,
+    Observations,
+    Target,
+    evaluate,
+    load_corners,
+    read_picture,
+)
 from cubicfish import Run as HowDone
+from cubicfish.judge import Code, Severity
+from cubicfish_cli.extensions.shoot import guidance
 from cubicfish_cli.extensions.shoot import shoot as module
 from cubicfish_cli.extensions.shoot.camera import frames_of
 from cubicfish_cli.extensions.shoot.command import ShootOptions, shoot_files
@@ -102,6 +112,34 @@ def test_photos_lead_to_other_views_until_they_are_enough(corners: Observations)
     assert (enough.view, enough.words, guide.ghost(enough)) == (None, "", None)
 
 
+def test_the_photos_that_say_most_speak_for_many(
+    corners: Observations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(guidance, "MOST_FITTED", 6)
+    guide, every = Guide(OBJECT, corners.image_size, 0.01), np.arange(len(corners.images))
+    first = guide.after(corners.of_photos(every[:-1]))
+    assert first.pairs is not None
+    assert first.fitted is not None
+    assert len(first.pairs.images) == 6
+    assert first.errors.keys() == set(corners.images[:-1])
+    # The next is chosen of those that spoke and the new one; each has an error that is its own.
+    spoke, new = set(first.pairs.images), corners.images[-1]
+    more = guide.after(corners)
+    assert more.pairs is not None
+    assert len(more.pairs.images) == 6
+    assert set(more.pairs.images) <= spoke | {new}
+    other = next(name for name in corners.images if name not in spoke | {new})
+    camera = first.fitted.camera
+    (alone,) = evaluate(camera, corners.of(other)).photos
+    assert more.errors[other] == pytest.approx(alone.rms_px, rel=1e-6)
+    # Without one of those all others are weighed again.
+    left = [name for name in corners.images if name != more.pairs.images[0]]
+    rest = guide.after(corners.of_photos(np.flatnonzero(np.isin(corners.images, left))))
+    assert rest.pairs is not None
+    assert len(rest.pairs.images) == 6
+    assert set(rest.pairs.images) <= set(left)
+
+
 def test_photos_set_aside_are_measured_by_a_camera_of_the_others(corners: Observations) -> None:
     found = held_out_px(corners, np.array([4, 9]))
     assert found is not None
@@ -110,6 +148,21 @@ def test_photos_set_aside_are_measured_by_a_camera_of_the_others(corners: Observ
     assert each.keys() == {corners.images[4], corners.images[9]}
     assert held_out_px(corners, np.array([], int)) is None
     assert held_out_px(corners.of_photos(np.array([0])), np.array([0])) is None
+
+
+def test_the_pose_is_said_before_the_error_is_measured(
+    corners: Observations, tmp_path: Path
+) -> None:
+    said = list[str]()
+    shoot = shoot_in(tmp_path, say=said.append, taken=taken(tmp_path, corners, 5))
+    shoot._begin(corners.image_size)
+    shoot._follow()
+    assert len(said) == 1
+    assert said[0].startswith(("Hold the target", "Enough"))
+    assert "set aside" not in shoot._summary()
+    shoot._use_pause()
+    assert "set aside" in said[1]
+    assert shoot._photo_records()[4]["held"] > 0
 
 
 def test_what_is_wrong_with_a_photo_is_seen(corners: Observations, tmp_path: Path) -> None:
@@ -192,6 +245,28 @@ def test_a_photo_is_taken_when_it_is_whole(tmp_path: Path) -> None:
     assert look() == []
     path.unlink()
     assert (look(), shoot.taken) == ([], {})
+
+
+@pytest.mark.slow
+def test_what_may_be_wrong_with_the_target_is_tried_while_nobody_waits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wrong = Finding(code=Code.NO_MARKERS, severity=Severity.BAD)
+    monkeypatch.setattr("cubicfish.observe.detection.find_faults", lambda evidence: [wrong])
+    shoot, said = shoot_in(tmp_path), list[str]()
+    shoot.say = said.append
+    for number in range(5):
+        shutil.copy(PHOTOS[number], tmp_path)
+    shoot._find_new()
+    shoot._next_look = 0.0
+    shoot._look(shoot._find_new())
+    assert all(one.corners is not None for one in shoot.taken.values())
+    for _ in range(5):
+        shoot._check()
+    refused = [one.path.name for one in shoot.taken.values() if one.corners is None]
+    assert refused == [path.name for path in PHOTOS[:3]]  # so many tell
+    assert all(shoot.taken[name].remarks in "".join(said) for name in refused)
+    assert all(shoot.taken[name].remarks for name in refused)
 
 
 @pytest.mark.slow
