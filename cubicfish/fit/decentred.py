@@ -17,6 +17,9 @@ from cubicfish.solve.fit_lens import FitLens
 from cubicfish.solve.normal_equations import gram
 from cubicfish.types import FloatArray, IntArray
 
+# Slopes of so many points are held at once: some megabytes.
+_AT_ONCE = 10_000
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StillRays:
@@ -97,6 +100,14 @@ class DecentredFit(FitLens):
         pixel, moved, by_values = self._map_to_sensor(flat.T, changes.transpose(1, 2, 0))
         by_values[:, 4:8] = moved[:, 3:]
         return pixel, moved[:, :3].transpose(2, 0, 1), self._select_free(by_values)
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """See :class:`~cubicfish.solve.fit_lens.FitLens`; slopes are held of some points only."""
+        pixel = np.empty((len(points), 2))
+        for first in range(0, len(points), _AT_ONCE):
+            run = slice(first, first + _AT_ONCE)
+            pixel[run] = self.pixel_and_slopes(points[run])[0]
+        return pixel
 
     def seen(self, rays: StillRays) -> tuple[FloatArray, FloatArray]:
         """Pixels (N, 2) of rays and their derivatives by the free parameters (N, 2, K).

@@ -26,6 +26,8 @@ _DAMPING = 1e-13
 _SMALLEST_ROOT = 1e-6
 # So many pairs' derivatives are kept in place of computing them twice: some megabytes.
 _KEPT_PAIRS = 5000
+# Steps of all poses for so many groups are held at once.
+_AT_ONCE = 100
 # Singular values below this share of the largest one are rounding.
 _RANK = 1e-12
 
@@ -89,12 +91,15 @@ class LeaveOneOut:
         for number, group in enumerate(self._groups):
             if number not in self._gradients:
                 self._keep_gradient(number, self._sum_up(group))
-        shared = np.zeros((len(normal.shared), count))
-        corner = np.zeros((*normal.corner.shape[:2], count))
-        for number, (of_shared, of_corner) in self._gradients.items():
-            shared[:, number], corner[:, :, number] = -of_shared, -of_corner
-        still = np.zeros((len(normal.pose), 6, count))
-        return self._equations_of_all.steps(shared, still, corner)[0].T
+        steps = np.empty((count, len(normal.shared)))
+        for first in range(0, count, _AT_ONCE):
+            some = [self._gradients[one] for one in range(first, min(first + _AT_ONCE, count))]
+            shared = -np.stack([of_shared for of_shared, _ in some], axis=-1)
+            corner = -np.stack([of_corner for _, of_corner in some], axis=-1)
+            still = np.zeros((len(normal.pose), 6, len(some)))
+            own, _, _ = self._equations_of_all.steps(shared, still, corner)
+            steps[first : first + len(some)] = own.T
+        return steps
 
     def _keep_gradient(self, number: int, own: NormalEquations) -> None:
         """Keep what a group's pairs add to the gradient of unknowns that others share."""

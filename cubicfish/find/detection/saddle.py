@@ -77,29 +77,33 @@ def _fit(
     active = np.arange(len(pixel))
     for _ in range(_ITERATIONS):
         centre = np.rint(state[_AT])
+        x, y = state[_AT] - state[_START]
         inside = ((centre >= state[_LOW]) & (centre <= state[_HIGH])).all(0)
-        inside &= np.hypot(*(state[_AT] - state[_START])) <= state[_TRAVEL]
+        inside &= np.hypot(x, y) <= state[_TRAVEL]
         if not inside.all():
             active, centre, state = active[inside], centre[:, inside], state[:, inside]
-        if not len(active):
-            break
+            if not len(active):
+                break
         # A wider window than the point's own need not lie around its middle.
-        centre = np.clip(centre, radius, most).astype(int)
+        centre = np.minimum(np.maximum(centre, radius), most).astype(int)
         x, y = centre - radius
         patch = np.ascontiguousarray(windows[:, :, y, x], float)
         away = offsets + (centre - state[_AT])[:, None]
         half = state[_HALF]
         move, saddle = _take_newton_step(patch, away / half)
         move *= half
-        length = np.hypot(*move)
+        length = np.hypot(move[0], move[1])
         # A long step means that the quadratic does not describe the window: damp it.
         move *= np.minimum(1.0, 0.75 * half / np.maximum(length, 1e-9))
         state[_AT] += np.where(saddle, move, 0.0)
         pixel[active] = state[_AT].T
         done = saddle & (length < _CONVERGED)
-        ok[active[done]] = True
         going = saddle & ~done
-        active, state = active[going], state[:, going]
+        if not going.all():
+            ok[active[done]] = True
+            active, state = active[going], state[:, going]
+            if not len(active):
+                break
     ok &= np.hypot(*(pixel - start).T) <= travel
     return pixel, ok
 
@@ -114,8 +118,10 @@ def _take_newton_step(patch: FloatArray, u: FloatArray) -> tuple[FloatArray, Boo
     are orthogonal in the plane, and each coefficient is a mean of its own.
     """
     square = u * u
-    weight = np.maximum(1 - square, 0)
-    power = np.stack([weight, weight * u, weight * square])  # (3, 2, n, N): times 1, u, u^2
+    power = np.empty((3, *u.shape))  # times 1, u, u^2
+    weight = np.maximum(1 - square, 0, out=power[0])
+    np.multiply(weight, u, out=power[1])
+    np.multiply(weight, square, out=power[2])
     zeroth, first, second = power.sum(2)
     third = np.einsum("anm,anm->am", power[2], u)
     fourth = np.einsum("anm,anm->am", power[2], square)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import compress
 
 import numpy as np
@@ -58,12 +59,12 @@ class Seen:
     found: Crossings
     zoom: float
 
-    @property
+    @cached_property
     def pixel(self) -> FloatArray:
         """Its corners (N, 2), pixels of the photo."""
         return enlarged(self.lattice.at(self.lattice.cells()), self.zoom)
 
-    @property
+    @cached_property
     def side(self) -> FloatArray:
         """Sides of the squares at its corners (N,), pixels of the photo."""
         return self.zoom * self.lattice.fit(self.lattice.cells()).side

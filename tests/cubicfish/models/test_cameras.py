@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lenses import cubic_camera, numeric_jacobian, radial_camera, random_rays
 
+from cubicfish.fit import decentred
 from cubicfish.fit.decentred import DecentredFit, StillRays
 from cubicfish.fit.lenses import CubicFit, NearestCubic, Tie
 from cubicfish.geometry import kannala_brandt, kannala_brandt_slope
@@ -171,6 +172,12 @@ LENSES = {
         spread=0.01,
     ),
 }
+
+
+def test_a_bent_lens_projects_many_points_as_it_does_each(monkeypatch):
+    lens, points = LENSES["bent"], random_rays(1_000, 60)
+    monkeypatch.setattr(decentred, "_AT_ONCE", 300)
+    np.testing.assert_array_equal(lens.project(points), lens.pixel_and_slopes(points)[0])
 
 
 def _cubic_fit() -> CubicFit:

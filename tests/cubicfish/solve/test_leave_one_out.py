@@ -22,6 +22,7 @@ from cubicfish.fit.prior import (
 )
 from cubicfish.fit.radial_reference import fit_radial
 from cubicfish.fit.refinement import refine_object
+from cubicfish.solve import leave_one_out as module
 from cubicfish.solve.adjustment import adjust
 from cubicfish.solve.deformable_target import NominalTarget
 from cubicfish.solve.fit_lens import FixedLens
@@ -136,7 +137,18 @@ def test_what_a_group_put_in_is_what_is_not_left(reference, held):
         step = shared, pose[others], corner
         for part, wanted in zip(step, rest.solve(1e-13), strict=True):
             np.testing.assert_allclose(part, wanted, atol=1e-6 * np.abs(wanted).max(initial=0))
-        assert not pose[group].any()
+            assert not pose[group].any()
+
+
+def test_influence_is_the_same_some_groups_at_a_time(held, monkeypatch):
+    _, fit = held
+    photos = [np.array([photo]) for photo in range(8)]
+    together = LeaveOneOut(fit, photos).influence()
+    monkeypatch.setattr(module, "_AT_ONCE", 3)
+    apart = LeaveOneOut(fit, photos).influence()
+    assert len(together) == 8
+    assert np.abs(together).max(axis=1).min() > 0
+    np.testing.assert_allclose(apart, together, atol=1e-9 * np.abs(together).max())
 
 
 @pytest.mark.parametrize("turned", [0.0, 1.0, 3.0])
