@@ -1,8 +1,8 @@
 """What is another in every photo: a sheet that bends, a hand that moves, a focus that breathes.
 
 No photo is unlike the others then. What each photo has of its own is linear at the optimum of the
-fit: of the causes that it may have, the one is told that explains most of the squared error, and by
-far the most for how free it is.
+fit: of the causes that it may have, the one is told that explains most of the error beyond noise,
+and by far the most for how free it is.
 """
 
 import numpy as np
@@ -12,14 +12,15 @@ from cubicfish.fit.calibration import FitEvidence
 from cubicfish.fit.cubic_fit import CameraFit
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
-from cubicfish.solve.statistics import rms_px
+from cubicfish.solve.statistics import local_noise_px, rms_px
 from cubicfish.types import FloatArray
 
 # What a photo is off by before its cause is worth a word, pixels of a photo of 2000.
 _MATTERS_PX = 0.25
-# The cause leaves little of the squared error: it explains this share, and so many times as much as
-# any other for each of its terms, by what it leaves (an F ratio).
-_MOST, _TIMES = 2 / 3, 2.0
+# The cause is what is wrong: of the errors beyond the corners' own noise it leaves at most half of
+# their size, so it explains this share of the square, and so many times as much as any other for
+# each of its terms, by what it leaves (an F ratio).
+_MOST, _TIMES = 1 - 0.5**2, 2.0
 # Singular values below this share of the largest are of terms that the photo does not show.
 _RCOND = 1e-6
 # What boards bend by: two bends and a twist.
@@ -39,6 +40,7 @@ def changes_anew(evidence: FitEvidence) -> list[Finding]:
     limit = noticed_px(pairs, _MATTERS_PX)
     if rms_px(fit.errors) < limit:
         return []
+    noise = local_noise_px(pairs, fit.residual) ** 2
     photos, triangles, numbers = own_triangles(fit.lens, fit.poses, pairs, _bend_points(fit))
     if len(photos) < FEWEST_COMPARED:
         return []
@@ -51,9 +53,13 @@ def changes_anew(evidence: FitEvidence) -> list[Finding]:
         shown = size > _RCOND * size.max(axis=1, keepdims=True)
         differ = miss - free @ shared
         part = np.square(own.transpose(0, 2, 1) @ differ)[:, :, 0] * shown
-        share, ranks = float(part.sum() / np.square(differ).sum()), max(float(shown.sum()), 1.0)
-        strength = share / ranks / ((1 - share) / (numbers.sum() - ranks) + 1e-300)
-        explained.append((strength, share, code, part.sum(axis=1)))
+        square, ranks = float(np.square(differ).sum()), max(float(shown.sum()), 1.0)
+        share, left = float(part.sum()) / square, numbers.sum() - ranks
+        strength = share / ranks / ((1 - share) / left + 1e-300)
+        # What of the variance beyond noise is left.
+        beyond = max(square / numbers.sum() - noise, 1e-300)
+        left_over = float(max((1 - share) * square / left - noise, 0.0) / beyond)
+        explained.append((strength, 1 - left_over, code, part.sum(axis=1)))
     (second, *_), (first, share, code, best) = sorted(explained, key=lambda one: one[0])[-2:]
     # By all corners alike: those that are off weigh less in the fit.
     errors = [rms_px(fit.residual[pairs.image == photo]) for photo in photos]

@@ -230,10 +230,14 @@ def left_out(evidence: FitEvidence) -> list[Finding]:
     names = _find_left_out(evidence) - mirrored
     camera, noise = fit.reference.camera, noise_px(fit.reference.residual)
     scaled = pairs.with_world(pairs.world / nominal.scale)
-    unfit = _list_photos(pairs, names & {*fit.reference.unfit})
+    unfit = _list_photos(pairs, names & ({*fit.reference.unfit} | _find_mostly_dropped(evidence)))
     own = None
     if unfit.size:
-        own = left_out_lens(camera, select_photos(scaled, unfit), noise, order=pairs.images)
+        silent = {
+            name for name, why in fit.reference.unfit.items() if why.code == Code.TOO_FEW_CORNERS
+        }
+        order = [name for name in pairs.images if name not in silent]
+        own = left_out_lens(camera, select_photos(scaled, unfit), noise, order=order)
     findings = [] if own is None else [own]
     if nominal.target is None:
         return findings
@@ -274,6 +278,17 @@ def _find_left_out(evidence: FitEvidence) -> set[str]:
         if count >= max(_FEWEST_LOST, _LOST_SHARE * corners):
             names.add(photo)
     return names
+
+
+def _find_mostly_dropped(evidence: FitEvidence) -> set[str]:
+    """The photos that lost half of their corners: with few corners the rest may fit any lens."""
+    corners = np.bincount(evidence.pairs.image, minlength=len(evidence.pairs.images))
+    lost = Counter(one.image for one in evidence.dropped)
+    return {
+        name
+        for name, count in zip(evidence.pairs.images, corners, strict=True)
+        if lost[name] >= max(_FEWEST_LOST, _LOST_SHARE * count)
+    }
 
 
 def left_out_lens(

@@ -26,7 +26,7 @@ def repeats(evidence: FitEvidence) -> list[Finding]:
     if distinct == count:
         return []
     same = [
-        f"{pairs.images[np.flatnonzero(group == group[photo])[0]]} = {pairs.images[photo]}"
+        [pairs.images[np.flatnonzero(group == group[photo])[0]], pairs.images[photo]]
         for photo in range(count)
         if np.flatnonzero(group == group[photo])[0] != photo
     ]

@@ -384,7 +384,7 @@ def repeated_shots(evidence: RigEvidence) -> list[Finding]:
             figures={
                 "shots": len(shots),
                 "distinct": distinct,
-                "repeats": [f"{shots[one]} = {shots[other]}" for one, other in pairs],
+                "repeats": [[shots[one], shots[other]] for one, other in pairs],
             },
         )
     ]

@@ -28,10 +28,15 @@ def headline(known: CameraFacts) -> str:
     """
     fit, certain = known.fit, known.fit.uncertainty.field
     error = fit.held_out_rms_px if math.isfinite(fit.held_out_rms_px) else fit.rms_px
-    parts = [f"{_short(error)} px where corners were"] if math.isfinite(error) else []
+    parts = [f"{_short(error)} px where {_things(fit)} were"] if math.isfinite(error) else []
     if certain is not None:
         parts.append(f"±{_short(certain.median_px)} px over the field")
     return ", ".join([*parts, f"{whole(known.calibrated_share)} of the photo calibrated"])
+
+
+def _things(fit: FitRecord) -> str:
+    """What a camera was fitted to: corners of boards, or points that somebody marked."""
+    return "corners" if fit.marked is None else "points"
 
 
 def _short(px: float) -> str:
@@ -59,7 +64,8 @@ def scope(known: CameraFacts) -> list[tuple[str, str, str, str]]:
     if known.max_angle_deg is not None:
         rows.append(("calibrated to", f"{known.max_angle_deg:.1f}", "°", reach_words(known)))
     if math.isfinite(fit.coverage):
-        rows.append(("coverage", f"{100 * fit.coverage:.0f}", "%", COVERED))
+        covered = COVERED.replace("corners", _things(fit))
+        rows.append(("coverage", f"{100 * fit.coverage:.0f}", "%", covered))
     certain = fit.uncertainty.field
     if certain is not None:
         rows.append(("uncertainty", f"{certain.median_px:.3f}", "px", uncertainty_meaning(certain)))
@@ -71,7 +77,8 @@ def scope(known: CameraFacts) -> list[tuple[str, str, str, str]]:
 def reach_words(known: CameraFacts) -> str:
     """Return ``from the axis; corners reach 94.5°``, the meaning of the field's end."""
     covered = known.fit.covered_deg
-    return "from the axis" + f"; corners reach {covered:.1f}°" * math.isfinite(covered)
+    reached = f"; {_things(known.fit)} reach {covered:.1f}°" if math.isfinite(covered) else ""
+    return f"from the axis{reached}"
 
 
 def uncertainty_words(certain: FieldUncertainty) -> str:

@@ -63,10 +63,9 @@ def counted(photos: Iterable[str]) -> str:
     return " and ".join(parts)
 
 
-def near_duplicates(repeats: Sequence[str]) -> str:
-    """Say which photos or shots repeat which, of pairs such as ``01.jpg = 07.jpg``."""
-    pairs = [one.split(" = ") for one in repeats]
-    alike = [f"{copy} is a near-duplicate of {first}" for first, copy in pairs]
+def near_duplicates(repeats: Sequence[Sequence[str]]) -> str:
+    """Say which photos or shots repeat which, of pairs: the first, and the one like it."""
+    alike = [f"{copy} is a near-duplicate of {first}" for first, copy in repeats]
     return listed(alike, "near-duplicates")
 
 

@@ -600,7 +600,7 @@ _ANEW: Mapping[str, tuple[str, str]] = {
 def _anew(code: str, images: Names, size_px: float, worst_px: float, share: float) -> Said:
     what, do = _ANEW[code]
     moves = f"this moves corners by {size_px:.2f} px (RMS), and by up to {worst_px:.2f} px in"
-    explains = f"this explains {whole(share)} of the squared error"
+    explains = f"this explains {whole(share)} of the squared error beyond noise"
     return Said(f"{what}: {moves} {listed(images, 'photos')}", explains, do)
 
 
@@ -616,7 +616,7 @@ def _photo_lens_left_out(images: Names, others: int, noise_px: float) -> Said:
 
 
 @WORDS.finding(Code.REPEATS)
-def _repeats(photos: int, distinct: int, repeats: Names) -> Said:
+def _repeats(photos: int, distinct: int, repeats: Sequence[Names]) -> Said:
     return Said(
         near_duplicates(repeats),
         f"{plural(photos, 'photo')}, {distinct} different; the held-out error leaves "

@@ -665,14 +665,16 @@ def _waves(rng: np.random.Generator, target: Target, size: float) -> BoardShape:
     return replace(BoardShape.none(board.columns, board.rows), offsets=offsets)
 
 
-def bends_anew(rng: np.random.Generator) -> SetUp:
+def bends_anew(
+    rng: np.random.Generator, noise: float = NOISE, bend: float = 3.0, waves: float = 0.2
+) -> SetUp:
     """A sheet held in a hand: bent by some millimetres, in every photo otherwise."""
     target, lens = synthetic.flat_board(), lens_of(rng)
     parts = []
     for pose in poses_of(rng, target, 14, lens):
-        real = bent_by(rng, target, 3.0)
-        real = with_board(real, 0, shape=real.boards[0].shape.plus(_waves(rng, target, 0.2)))
-        parts.append(photos(rng, real, lens=lens, poses=[pose]))
+        real = bent_by(rng, target, bend)
+        real = with_board(real, 0, shape=real.boards[0].shape.plus(_waves(rng, target, waves)))
+        parts.append(photos(rng, real, lens=lens, poses=[pose], noise=noise))
     return SetUp(target=target, corners=together(parts))
 
 

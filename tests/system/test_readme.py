@@ -151,10 +151,12 @@ def test_local_links_lead_somewhere(page: Path) -> None:
 
 
 def test_the_target_is_one_that_is_read(tmp_path: Path) -> None:
-    (text,) = blocks("yaml", ALL[ROOT / "docs" / "targets.md"])
-    path = tmp_path / "target.yaml"
-    path.write_text(text)
-    target = Target.load(path)
+    path, targets = tmp_path / "target.yaml", []
+    for text in blocks("yaml", ALL[ROOT / "docs" / "targets.md"]):
+        path.write_text(text)
+        targets.append(Target.load(path))
+    target, charuco, tags = targets
+    assert (charuco.boards[0].columns, tags.boards[0].columns) == (4, 12)
     sample = Target.load(SAMPLE / "target.yaml")
     for board, other in zip(target.boards, sample.boards, strict=False):
         corners = ([0, 1, 2], [0, 2, 1])

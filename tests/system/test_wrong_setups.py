@@ -188,7 +188,7 @@ def test_one_photo_under_several_names(
 ) -> None:
     """Rolling copies, each a little brighter than the last."""
     copies = {
-        f"corner_01_copy_{number}": cv2.convertScaleAbs(
+        f"corner_01_copy = {number}": cv2.convertScaleAbs(
             photos["corner_01"], alpha=1 + 0.03 * number
         )
         for number in range(3)
@@ -198,4 +198,5 @@ def test_one_photo_under_several_names(
     assert repeats["cause"] == "repeats"
     names = {"corner_01.png", *(f"{name}.png" for name in copies)}
     assert set(repeats["images"]) == names
-    assert "corner_01_copy_0.png is a near-duplicate of corner_01.png" in said
+    assert "corner_01_copy = 0.png is a near-duplicate of corner_01.png" in said
+    assert ["corner_01.png", "corner_01_copy = 0.png"] in repeats["figures"]["repeats"]

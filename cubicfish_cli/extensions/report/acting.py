@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -81,13 +80,11 @@ def next_photos(facts: Facts) -> dict[str, page.Drawn]:
 
 def others_px(photos: Sequence[PhotoRecord]) -> dict[str, float]:
     """RMS error of the others, by each photo's name, pixels; NaN where there are none."""
-    square = {one.image: one.corners * np.nan_to_num(one.rms_px) ** 2 for one in photos}
-    total, corners = sum(square.values()), sum(one.corners for one in photos)
-    others = {one.image: max(corners - one.corners, 0) for one in photos}
-    return {
-        name: math.sqrt(max(total - square[name], 0.0) / count) if count else math.nan
-        for name, count in others.items()
-    }
+    corners = np.array([one.corners for one in photos], float)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # of records of no fit
+        square = corners * np.nan_to_num([one.rms_px for one in photos]) ** 2
+        others = np.sqrt(np.maximum(square.sum() - square, 0) / (corners.sum() - corners))
+    return {one.image: float(px) for one, px in zip(photos, others, strict=True)}
 
 
 def _draw_next(facts: Facts, advice: Advice, number: int, proposal: Proposal) -> page.Drawn:

@@ -150,7 +150,7 @@ def _few_common_shots(cameras: Names, shots: float, wanted: float) -> Said:
 
 
 @WORDS.finding(Code.REPEATS, "shots")
-def _repeated_shots(shots: int, distinct: int, repeats: Names) -> Said:
+def _repeated_shots(shots: int, distinct: int, repeats: Sequence[Names]) -> Said:
     return Said(
         f"shot {near_duplicates(repeats)}",
         f"{plural(shots, 'shot')}, {distinct} different; the held-out error leaves near-duplicates "

@@ -29,6 +29,24 @@ def test_what_is_another_in_every_photo_is_told_by_its_cause(make, code, remedy)
     assert named[-1] < np.median(list(rms.values()))
 
 
+@pytest.mark.parametrize("noise", [0.1, 0.7])
+def test_the_corners_own_noise_hides_no_cause(noise):
+    """It makes most of the squared error of a weak camera, and none of what is beyond noise."""
+    setup = wrong.bends_anew(np.random.default_rng(4), noise)
+    made = calibrate(setup.corners, setup.target, refine_target="off", hold_out=False)
+    (found,) = made.findings
+    assert (found.code, found.case) == (Code.BENT, "anew")
+    assert found.figures["share"] > 0.8
+
+
+def test_a_cause_that_leaves_much_of_what_is_beyond_noise_is_not_told():
+    """A sheet that waves more than it bends."""
+    setup = wrong.bends_anew(np.random.default_rng(4), bend=1.0, waves=1.5)
+    made = calibrate(setup.corners, setup.target, refine_target="off", hold_out=False)
+    assert made.fit.rms_px > 0.3
+    assert not [one for one in made.findings if one.case == "anew"]
+
+
 def test_a_board_that_stays_bent_is_not_bent_anew():
     setup = wrong.bent(np.random.default_rng(2))
     made = calibrate(setup.corners, setup.target, refine_target="off", hold_out=False)

@@ -290,6 +290,19 @@ def test_what_the_nearest_lens_can_follow_is_not_held():
     assert (held[like] < 0.15 * prior.weight).all()
 
 
+def test_derivatives_of_x_and_y_apart_are_those_of_both(lens):
+    points = random_rays(95, 20)
+    pixel, by_point, whole = lens.pixel_and_slopes(points)
+    again, by_point_again, parts, columns = lens.separate_slopes(points)
+    np.testing.assert_allclose(again, pixel)
+    np.testing.assert_allclose(by_point_again, by_point)
+    rows = np.concatenate([np.broadcast_to(one, (2, *one.shape[1:])) for one in parts], axis=1)
+    for axis in range(2):
+        found = np.zeros((whole.shape[2], len(points)))
+        found[columns[axis]] = rows[axis]
+        np.testing.assert_allclose(found.T, whole[:, axis], atol=1e-9)
+
+
 def test_parameters_round_trip(lens):
     again = lens.with_parameters(lens.parameters)
     points = random_rays(95, 20)

@@ -252,3 +252,95 @@ def test_a_step_is_the_same_however_many_photos_are_eliminated_at_once(cubic, mo
     monkeypatch.setattr(equations, "_NUMBERS_AT_ONCE", 2 * 6 * len(cubic.normal.shared))
     for part, wanted in zip(cubic.normal.solve(1e-3), whole, strict=True):
         np.testing.assert_allclose(part, wanted, atol=1e-9 * np.abs(wanted).max(initial=0))
+
+
+def test_a_step_that_is_trusted_leads_on_without_a_look(pairs, cubic, monkeypatch):
+    looks = []
+    evaluate = adjustment._evaluate
+    monkeypatch.setattr(adjustment, "_evaluate", lambda *given: looks.append(0) or evaluate(*given))
+    moved = cubic.lens.parameters + 1e-4 * np.abs(cubic.lens.parameters)
+    start = cubic.lens.with_parameters(moved), cubic.poses, cubic.pairs, cubic.huber_px
+    costs, numbers = [], []
+    for trusted in (False, True):
+        looks.clear()
+        fit = adjust(
+            *start,
+            relative_decrease=1e-3,
+            damping=adjustment.WARM_DAMPING,
+            trust_last=trusted,
+        )
+        numbers.append(len(looks))
+        costs.append(cost(fit.lens, fit.poses, pairs, cubic.huber_px))
+    best = cost(cubic.lens, cubic.poses, pairs, cubic.huber_px)
+    assert numbers[1] <= numbers[0]
+    assert costs[1] - best < 0.5 * (costs[0] - best)
+
+
+def test_what_led_to_the_start_tells_whether_a_step_is_trusted(pairs, cubic, monkeypatch):
+    looks = []
+    evaluate = adjustment._evaluate
+    monkeypatch.setattr(adjustment, "_evaluate", lambda *given: looks.append(0) or evaluate(*given))
+    lens = cubic.lens.with_parameters(1.0001 * cubic.lens.parameters)
+    start = lens, cubic.poses, cubic.pairs, cubic.huber_px
+    far = cost(*start)
+    numbers = []
+    for before in (0.0, 1e6 * far):
+        looks.clear()
+        adjust(
+            *start,
+            relative_decrease=1e-4,
+            damping=adjustment.WARM_DAMPING,
+            trust_last=True,
+            cost_before=before,
+        )
+        numbers.append(len(looks))
+    assert numbers[0] > numbers[1] == 1
+
+
+@pytest.mark.parametrize("level", ["off", "points"])
+def test_photos_of_any_sizes_add_up_to_the_dense_products(pairs, cubic, level):
+    some = pairs.select(np.flatnonzero(np.arange(len(pairs.pixel)) % 7 < 2 + 2 * pairs.image))
+    counts = np.bincount(some.image)
+    alike = pairs.select(
+        np.concatenate([np.flatnonzero(pairs.image == photo)[: counts.min()] for photo in range(5)])
+    )
+    assert len(set(counts)) > 1
+    for own in (some, alike):
+        world = DeformableTarget(nominal=own.world)
+        if level == "points":
+            nominal = NominalTarget(target=TARGET, pairs=own)
+            world = nominal.free(noise=1.0, offset_spread=1e-2)
+        state = State(cubic.lens, cubic.poses, world)
+        normal = equations.NormalEquations.zeros(*state.size)
+        dense = np.zeros((normal.shared.shape[0], normal.shared.shape[1]))
+        by_pose = np.zeros_like(normal.pose_shared)
+        corner = np.zeros_like(normal.corner_shared)
+        for run, terms in adjustment.linearise(state, own, 1e9):
+            normal.add(terms, world.corner[run])
+            whole = terms.by_shared(np.eye(len(dense)))
+            whole = np.concatenate([whole, terms.miss[:, :, None]], axis=2)
+            dense += np.einsum("nak,nal->kl", whole, whole)[:-1]
+            np.add.at(by_pose, terms.pose, np.einsum("nap,nal->npl", terms.by_pose, whole))
+            if level == "points":
+                product = np.einsum("nac,nal->ncl", terms.by_corner, whole)
+                np.add.at(corner, world.corner[run], product)
+        np.testing.assert_allclose(normal.shared, dense, rtol=1e-9, atol=1e-9 * np.abs(dense).max())
+        np.testing.assert_allclose(normal.pose_shared, by_pose, atol=1e-9 * np.abs(by_pose).max())
+        if level == "points":
+            close = 1e-9 * np.abs(corner).max()
+            np.testing.assert_allclose(normal.corner_shared, corner, atol=close)
+
+
+def test_runs_end_between_photos_but_where_one_is_very_long(pairs, cubic, monkeypatch):
+    state = State(cubic.lens, cubic.poses, DeformableTarget(nominal=pairs.world))
+    starts = np.flatnonzero(np.diff(pairs.image, prepend=-1))
+    longest = int(np.bincount(pairs.image).max())
+    for size, whole in ((longest, True), (longest // 4, False)):
+        monkeypatch.setattr(adjustment, "_RUN_PAIRS", size)
+        monkeypatch.setattr(adjustment, "_RUN_UNKNOWNS", 0)
+        runs = adjustment._cut_runs(state, pairs)
+        assert len(runs) > 1
+        assert [run.start for run in runs] == [0, *(run.stop for run in runs[:-1])]
+        assert runs[-1].stop == len(pairs.pixel)
+        assert max(run.stop - run.start for run in runs) <= 2 * size
+        assert ({run.start for run in runs} <= {*starts.tolist()}) == whole

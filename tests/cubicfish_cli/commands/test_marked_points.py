@@ -1,6 +1,7 @@
 """2D-3D pairs that somebody marked by hand: few, one photo, errors of a pixel, no boards."""
 
 import json
+import re
 from pathlib import Path
 
 import cv2
@@ -48,6 +49,15 @@ def calibrated(tmp_path: Path, table: Path, *more: object) -> dict:
     said = [reason["why"] + (reason["do"] or "") for reason in found["verdict"]["reasons"]]
     assert not any(word in text for text in said for word in ("board", "target", "corner"))
     return found
+
+
+def test_what_is_printed_speaks_of_points(tmp_path: Path) -> None:
+    table = marked(tmp_path / "p.csv", 60, 0.6)
+    line = ("calibrate", "--correspondences", table, "--size", "1280x960", "--no-report")
+    said = run_cli(*line, "-o", tmp_path / "c", "--noise", 0.6).stdout
+    assert "px where points were" in said
+    assert re.search(r"; points reach \d", said)
+    assert "of the field covered by points" in said
 
 
 def codes(record: dict) -> set[tuple[str, str]]:

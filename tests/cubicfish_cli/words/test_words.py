@@ -34,7 +34,7 @@ Kind = tuple[str, str]
 NAMES = {
     "of_shots": [("0007",)], "cameras": [("left", "right"), ("left",)],
     "images": [("a.png",), ("a.png", "b.png")], "boards": [("floor", "wall"), ("floor",)],
-    "rest": [["c.png", "d.png"]], "both": [["floor", "wall"]], "repeats": [["a.png = b.png"]],
+    "rest": [["c.png", "d.png"]], "both": [["floor", "wall"]], "repeats": [[("a.png", "b.png")]],
     "counts": [[{"board": "wall", "columns": 9, "rows": 6, "drawn_columns": 10, "drawn_rows": 6}]],
 }  # fmt: skip
 TEXTS_OF = {

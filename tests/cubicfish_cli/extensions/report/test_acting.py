@@ -69,6 +69,20 @@ def test_what_leaving_a_photo_out_changes_is_nearly_what_a_refit_says(pairs: Obs
     assert all(0.6 < one < 1.6 for one in ratios)
 
 
+def test_the_others_error_is_known_or_not(fitted: Calibration) -> None:
+    first, second, third = (
+        replace(one, image=name, corners=corners, rms_px=px)
+        for one, (name, corners, px) in zip(
+            fitted.fit.per_image[:3],
+            [("a", 30, 1.0), ("b", 10, 2.0), ("c", 10, 1e200)],
+            strict=True,
+        )
+    )
+    assert others_px([first, second]) == {"a": pytest.approx(2), "b": pytest.approx(1)}
+    assert np.isnan(others_px([first])["a"])  # there are none
+    assert not np.isfinite(others_px([first, third])["a"])
+
+
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     webdriver = pytest.importorskip("selenium.webdriver")
