@@ -44,7 +44,7 @@ from cubicfish.observe.photo_detection import (
     detect_in_photo,
     make_refusal,
 )
-from cubicfish.photos.photos import Photo, find_photos, refuse_no_picture
+from cubicfish.photos.photos import Photo, find_photos, is_reduced, refuse_no_picture
 from cubicfish.run import Run
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
@@ -146,7 +146,8 @@ def second_pass(
         The detection with the added corners; the same one where nothing is expected.
 
     """
-    seen = {photo.name: photo for photo in _make_paths_absolute(photos, work)}
+    size = detection.corners.image_size
+    seen = {one.name: replace(one, size=size) for one in _make_paths_absolute(photos, work)}
     again = [_Expected(photo=seen[name], expected=one) for name, one in expected.items()]
     return with_added(detection, work.done(_search_again, again)) if again else detection
 
@@ -171,7 +172,8 @@ def first_pass(
     """Find and name the corners of the one of several targets that explains most of them.
 
     Photos that cannot be read, or are not of the size that most have, are reported and passed
-    over. The result does not depend on who does the work.
+    over; those that are of that size but for a small factor are brought to it. The
+    result does not depend on who does the work.
 
     Args:
         photos: the photos.
@@ -188,10 +190,15 @@ def first_pass(
     """
     kept = None if cache is None else GridCache(folder=Path(cache).absolute())
     detect_one = partial(detect_in_photo, target=next(iter(targets), None), cache=kept)
-    found = work.done(detect_one, _make_paths_absolute(photos, work))
+
+    def search(some: Sequence[Photo]) -> Sequence[PhotoDetection]:
+        return work.done(detect_one, _make_paths_absolute(some, work))
+
+    found = search(photos)
     if not targets:
         size = _find_common_size(found) or (0, 0)
         return nameless([photo.name for photo in photos], [one.grids for one in found], size)
+    photos, found, resized = _at_one_size(photos, found, search)
     named, why = list[Detection](), DetectionError("")
     for target in targets:
         try:
@@ -202,7 +209,55 @@ def first_pass(
     best = _begun_as_seen(first, targets[0], photos, kept, work)
     if isinstance(best, DetectionError):
         raise best
-    return best
+    return replace(best, findings=(*resized, *best.findings))
+
+
+# A corner's error in a copy is so many times larger, in the pixels of the others: from here on a
+# photo weighs too little beside them to be worth the doubt.
+_MOST_TIMES = 2
+
+
+def _at_one_size(
+    photos: Sequence[Photo],
+    found: Sequence[PhotoDetection],
+    search: Callable[[Sequence[Photo]], Sequence[PhotoDetection]],
+) -> tuple[Sequence[Photo], Sequence[PhotoDetection], list[Finding]]:
+    """Read copies of another size in the size that most photos have, and search them in that.
+
+    Whether the camera was set otherwise for such a photo, its fit shows.
+    """
+    most = _find_common_size(found)
+    copies: dict[tuple[int, int], list[int]] = {}
+    for index, one in enumerate(found):
+        size = most if one.grids is None else one.grids.image_size
+        if size is not None and most is not None and _is_near_copy(size, most):
+            copies.setdefault(size, []).append(index)
+    if most is None or not copies:
+        return photos, found, []
+    again = sorted(index for indices in copies.values() for index in indices)
+    photos, found = [*photos], [*found]
+    for index in again:
+        photos[index] = replace(photos[index], size=most)
+    for index, one in zip(again, search([photos[index] for index in again]), strict=True):
+        found[index] = one
+    return (
+        photos,
+        found,
+        [
+            Finding(
+                code=Code.OTHER_SIZE,
+                case="copy",
+                images=tuple(photos[index].name for index in indices),
+                figures=_figures_of_sizes(size, most),
+            )
+            for size, indices in copies.items()
+        ],
+    )
+
+
+def _is_near_copy(size: tuple[int, int], most: tuple[int, int]) -> bool:
+    widths = size[0], most[0]
+    return is_reduced(size, most) and max(widths) < _MOST_TIMES * min(widths)
 
 
 def _begun_as_seen(
@@ -414,10 +469,13 @@ def _find_common_size(found: Sequence[PhotoDetection]) -> tuple[int, int] | None
 def _refuse_other_size(one: PhotoDetection, name: str, size: tuple[int, int]) -> PhotoDetection:
     if one.grids is None or one.grids.image_size == size:
         return one
-    width, height = one.grids.image_size
-    figures = {"width": width, "height": height, "most_width": size[0], "most_height": size[1]}
-    case = "turned" if (height, width) == size else ""
+    case = "turned" if one.grids.image_size[::-1] == size else ""
+    figures = _figures_of_sizes(one.grids.image_size, size)
     return PhotoDetection(grids=None, refusal=make_refusal(name, Code.OTHER_SIZE, case, **figures))
+
+
+def _figures_of_sizes(size: tuple[int, int], most: tuple[int, int]) -> dict[str, int]:
+    return {"width": size[0], "height": size[1], "most_width": most[0], "most_height": most[1]}
 
 
 def _report_twice_in_view(marked: MarkedCorners, name: str, target: Target) -> tuple[Finding, ...]:

@@ -164,7 +164,7 @@ def detect_in_photo(
         data = PictureFile.read(photo.path).data if photo.has_file and needed else b""
         picture = lru_cache(maxsize=1)(partial(_read_picture, photo, data))
         # What is in memory has no bytes to know it by.
-        kept = cache if cache and data else GridCache()
+        kept = cache if cache and data and photo.size is None else GridCache()
         find = lru_cache(maxsize=1)(partial(_find_squares, data, picture, target, kept))
         if target is not None and target.has_markers:
             detected = _look_for_markers(picture, target, find)
@@ -198,7 +198,7 @@ def _list_boards(target: Target | None) -> list[tuple[int, int]]:
 
 def _read_picture(photo: Photo, data: bytes) -> Picture:
     if photo.picture is None and data:
-        return grey(PictureFile(path=photo.path, data=data).picture())
+        return photo.sized(grey(PictureFile(path=photo.path, data=data).picture()))
     return photo.read_grey()
 
 

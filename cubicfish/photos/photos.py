@@ -81,6 +81,7 @@ class Photo:
         path: where it is, or would be.
         picture: what it shows, so that no file is read; None reads the file.
         has_file: whether it is in a file.
+        size: (width, height) that its picture is brought to when it is read; None leaves it.
 
     """
 
@@ -88,12 +89,22 @@ class Photo:
     path: Path
     picture: Picture | None = field(default=None, compare=False, repr=False)
     has_file: bool = True
+    size: tuple[int, int] | None = None
 
     @staticmethod
     def natural_key(text: str) -> tuple[tuple[int, int | str], ...]:
         """Sort key under which ``img2`` comes before ``img10``."""
         parts = re.split(r"([0-9]+)", text)
         return tuple((0, int(part)) if part.isdecimal() else (1, part) for part in parts if part)
+
+    def sized(self, picture: Picture) -> Picture:
+        """A picture that was read of it, brought to its size."""
+        if self.size in (None, picture.shape[1::-1]):
+            return picture
+        smaller = self.size < picture.shape[1::-1]
+        return cv2.resize(
+            picture, self.size, interpolation=cv2.INTER_AREA if smaller else cv2.INTER_CUBIC
+        )
 
     def absolute(self) -> Photo:
         """The same photo, by a path that holds in any current folder."""
@@ -106,7 +117,7 @@ class Photo:
             PhotoError: as :func:`read_picture`.
 
         """
-        return read_picture(self.path) if self.picture is None else self.picture
+        return self.sized(read_picture(self.path) if self.picture is None else self.picture)
 
     def read_grey(self) -> Picture:
         """Its brightness (H, W), uint8 or uint16.
@@ -115,7 +126,7 @@ class Photo:
             PhotoError: as :func:`read_picture`.
 
         """
-        return read_grey(self.path) if self.picture is None else grey(self.picture)
+        return self.sized(read_grey(self.path) if self.picture is None else grey(self.picture))
 
     def grey_if_readable(self) -> Picture | None:
         """Its brightness; None where it cannot be read."""
@@ -247,6 +258,15 @@ class PictureFile:
             size = width, height
         return size
 
+    def is_copy_of(self, size: tuple[int, int]) -> bool:
+        """Whether it has a size (width, height) but for a factor, as a reduced copy has.
+
+        Raises:
+            PhotoError: as :attr:`size`.
+
+        """
+        return self.size == size or is_reduced(self.size, size)
+
     def segments(self) -> Iterator[tuple[int, bytes]]:
         """(marker, body) of a JPEG file's segments before its first scan; none of other files.
 
@@ -258,6 +278,16 @@ class PictureFile:
             if marker != _SCAN:
                 length = int(struct.unpack_from(">H", self.data, at)[0])
                 yield marker, self.data[at + 2 : at + length]
+
+
+def is_reduced(size: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Whether pictures of two sizes (width, height) differ as a picture and its reduced copy do.
+
+    The sides' ratio is the same but for the rounding of the smaller one's.
+    """
+    small, large = sorted((size, other))
+    times = large[0] / small[0]
+    return times > 1 and abs(large[1] - times * small[1]) <= times
 
 
 def is_photo_name(path: Path) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
@@ -138,7 +138,8 @@ def detect_files(options: DetectOptions, *, run: Run = Run()) -> DetectedFiles:
     for done, (photo, report) in enumerate(zip(found, detection.photos, strict=True)):
         progress(done, len(found))
         if report.found is not None:
-            drawn = draw_found(photo.read_grey(), report, detection.corners)
+            shown = replace(photo, size=detection.corners.image_size).read_grey()
+            drawn = draw_found(shown, report, detection.corners)
             write_picture(pictures[photo.name], drawn, overwrite=run.overwrite)
             written.append(pictures[photo.name])
     return DetectedFiles(detection=detection, file=file, drawings=written)

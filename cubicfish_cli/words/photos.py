@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
+from cubicfish import listed
 from cubicfish.judge import Code
 from cubicfish.judge import FindingText as Said
 from cubicfish_cli.words.phrases import pick, plural
@@ -61,6 +62,19 @@ def _other_size(case: str, width: int, height: int, most_width: int, most_height
     return Said(
         f"{what}: the same size turned by 90° (portrait and landscape)",
         do="EXIF rotation is ignored: save the photos unrotated, or calibrate these separately",
+    )
+
+
+@WORDS.finding(Code.OTHER_SIZE, "copy")
+def _copy(images: Names, width: int, height: int, most_width: int, most_height: int) -> Said:
+    has, kind = pick(images, "has", "have"), pick(images, "a reduced photo", "reduced photos")
+    if width > most_width:
+        kind = pick(images, "an enlarged photo", "enlarged photos")
+    return Said(
+        f"{listed(images, 'photos')} {has} {width}x{height} pixels, while most photos have "
+        f"{most_width}x{most_height}: taken as {kind} of the same camera",
+        do=f"--exclude {pick(images, 'it', 'them')} if the camera was set to another mode, crop "
+        "or zoom",
     )
 
 

@@ -7,7 +7,7 @@ import pytest
 from synthetic import checkerboard
 from told import raises_told
 
-from cubicfish import DetectionError, Target, load_corners
+from cubicfish import DetectionError, Target, detect, load_corners
 from cubicfish.find.identification.identified import Decided
 from cubicfish.judge import Code
 from cubicfish.observe import detection as passes
@@ -15,6 +15,7 @@ from cubicfish.observe.detection import first_pass
 from cubicfish.photos import find_photos
 from cubicfish.workers.pool import Work
 from cubicfish_cli.words.remarks import remark_lines
+from cubicfish_cli.words.sentences import render
 
 SAMPLE = Path(__file__).parents[2] / "sample_data"
 
@@ -108,6 +109,54 @@ def test_photos_that_are_turned_are_told_from_photos_of_another_size(folder, tar
         f"{width}x{height}: the same size turned by 90° (portrait and landscape); EXIF "
         "rotation is ignored: save the photos unrotated, or calibrate these separately",
     ]
+
+
+def with_another_size(target, tmp_path, photos, change):
+    """What is detected in so many photos, of which the last is changed."""
+    for path in sorted((SAMPLE / "photos").glob("*.jpg"))[:photos]:
+        shutil.copy(path, tmp_path / path.name)
+    path = tmp_path / path.name
+    cv2.imwrite(str(path), change(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)))
+    return detect(tmp_path, target)
+
+
+def places(corners, photo):
+    """Where a photo shows each corner."""
+    own = corners.image == corners.images.index(photo)
+    rows = zip(corners.board[own], corners.column[own], corners.row[own], strict=True)
+    return dict(zip(rows, corners.pixel[own], strict=True))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("size", "kind"), [((640, 480), "a reduced photo"), ((1440, 1080), "an enlarged photo")]
+)
+def test_a_photo_of_another_size_is_read_as_the_copy_that_it_is(target, tmp_path, size, kind):
+    found = with_another_size(
+        target, tmp_path, 3, lambda photo: cv2.resize(photo, size, interpolation=cv2.INTER_AREA)
+    )
+    name = found.photos[2].name
+    assert found.photos[2].refusal is None
+    assert found.corners.image_size == (960, 720)
+    own = places(found.corners, name)
+    true = places(load_corners(SAMPLE / "true_corners.csv", target), name)
+    error = [np.hypot(*(pixel - true[corner])) for corner, pixel in own.items() if corner in true]
+    assert len(error) > 0.9 * len(true)
+    assert np.median(error) < 0.1
+    assert max(error) < 1
+    (told,) = found.findings
+    assert (told.code, told.case, told.images) == (Code.OTHER_SIZE, "copy", (name,))
+    width, height = size
+    assert render(told).line == (
+        f"{name} has {width}x{height} pixels, while most photos have 960x720: taken as {kind} of "
+        "the same camera; --exclude it if the camera was set to another mode, crop or zoom"
+    )
+
+
+@pytest.mark.slow
+def test_a_cropped_photo_of_the_same_shape_is_left_out(target, tmp_path):
+    found = with_another_size(target, tmp_path, 10, lambda photo: photo[90:630, 120:840])
+    assert [photo.name for photo in found.photos if photo.lost] == [found.photos[-1].name]
 
 
 @pytest.mark.slow

@@ -118,7 +118,7 @@ def all_pictures(facts: Facts, zoom: float) -> Pictures:
 
 
 def _read(facts: Facts, photo: PhotoRecord, least: int | None) -> npt.NDArray[Any]:
-    """Read a photo of a fit, its longer side at least so many pixels, or whole.
+    """Read a photo of a fit, its longer side at least so many pixels, or in the camera's size.
 
     Raises:
         PhotoError: it cannot be read, or has changed since the fit.
@@ -128,10 +128,11 @@ def _read(facts: Facts, photo: PhotoRecord, least: int | None) -> npt.NDArray[An
     file = PictureFile.read(path)
     if digest is not None and hashlib.sha256(file.data).hexdigest() != digest:
         raise PhotoError(f"{path} is not shown: it is no longer the photo that was calibrated with")
-    picture = file.picture(least=least)
-    if file.size != facts.camera.image_size:
+    picture, size = file.picture(least=least), facts.camera.image_size
+    if not file.is_copy_of(size):
         raise PhotoError(f"{path} is not shown: it is not of the camera's size")
-    return picture
+    whole = least is None and file.size != size
+    return cv2.resize(picture, size) if whole else picture
 
 
 def _draw_found(facts: Facts, photo: PhotoRecord, copy: Small, zoom: float) -> Small:

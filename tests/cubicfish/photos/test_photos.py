@@ -3,6 +3,7 @@ import struct
 import subprocess
 import sys
 import zlib
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -214,6 +215,32 @@ def test_files_that_hold_no_picture(tmp_path, content, says):
     path.write_bytes(content)
     with pytest.raises(PhotoError, match=says):
         read_picture(path)
+
+
+@pytest.mark.parametrize(
+    ("size", "is_copy"),
+    [
+        ((1920, 1080), True), ((1280, 720), True), ((853, 480), True), ((640, 361), True),
+        ((640, 363), False), ((1080, 1920), False), ((1920, 1078), False), ((1440, 1080), False),
+    ],
+)  # fmt: skip
+def test_a_reduced_copy_has_the_shape_of_its_photo(tmp_path, size, is_copy):
+    path = tmp_path / "a.png"
+    cv2.imwrite(str(path), np.zeros(size[::-1], np.uint8))
+    assert PictureFile.read(path).is_copy_of((1920, 1080)) is is_copy
+
+
+def test_a_photo_is_read_in_the_size_it_is_brought_to(tmp_path):
+    path = tmp_path / "a.png"
+    ramp = np.tile(np.arange(0, 240, 2, dtype=np.uint8), (90, 1))
+    cv2.imwrite(str(path), ramp)
+    for size in ((80, 60), (180, 135), (120, 90)):
+        for photo in (Photo(name="a", path=path), Photo(name="a", path=path, picture=ramp)):
+            brought = replace(photo, size=size).read_grey()
+            assert brought.shape == size[::-1]
+            middle = brought[size[1] // 2, 10:-10].astype(float)
+            expected = ((np.arange(10, size[0] - 10) + 0.5) * 120 / size[0] - 0.5) * 2
+            np.testing.assert_allclose(middle, expected, atol=1)
 
 
 def test_missing_files_folders_and_pipes(tmp_path):
