@@ -372,9 +372,23 @@ def _count_photos(identified: Identified) -> int:
     return sum(bool(own) for own in identified.grids)
 
 
-def _describe_sizes(identified: Identified, target: Target) -> str:
-    """Sizes of grids that photos show whole and the target does not have, or of the largest."""
+def _describe_sizes(identified: Identified, target: Target, *, too_large: bool = False) -> str:
+    """Sizes of grids that photos show whole and the target does not have, or of the largest.
+
+    Args:
+        identified: what became of all grids.
+        target: the calibration target.
+        too_large: whether sizes that a board of the target could show in part are left out.
+
+    """
     common = _list_other_sizes(identified, target, _FEWEST_PHOTOS, _MOST_SIZES)
+    if too_large:
+        boards = [_sort_sides((board.columns, board.rows)) for board in grid_boards(target)]
+        common = [
+            (size, photos)
+            for size, photos in common
+            if all(size[0] > long or size[1] > short for long, short in boards)
+        ]
     if [photos for _, photos in common] == [_count_photos(identified)]:
         (long, short), _ = common[0]
         return f"{long}x{short}"
@@ -434,7 +448,9 @@ def many_lost(evidence: PhotoEvidence) -> list[Finding]:
         return []
     figures = {**own[0].figures, "left_out": len(own), "photos": evidence.with_boards}
     if isinstance(evidence, GridEvidence):
-        figures["seen"] = _describe_sizes(evidence.identified, evidence.target)
+        figures["seen"] = _describe_sizes(
+            evidence.identified, evidence.target, too_large=own[0].code == Code.TOO_LARGE
+        )
     return [
         Finding(
             code=own[0].code,

@@ -34,7 +34,7 @@ def test_wrong_counts_are_the_first_reason_wherever_a_verdict_is(run, tmp_path, 
     assert made["images"] == 6
     first = made["verdict"]["reasons"][0]
     assert (made["verdict"]["level"], first["code"]) == ("care", "too_large")
-    why = "they show larger grids than every board of the target: of 8x6 (in 6)"
+    why = "they show grids of 8x6 (in 6) inner corners, larger than any board of the target"
     assert why in first["why"]
     assert why in run("info", folder).stdout
     assert why in (folder / "report.html").read_text(encoding="utf-8")
