@@ -184,22 +184,26 @@ def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[Verdict]
     most = _most_px(fit, of_size(image_size))
     errors = [photo.rms_px for photo in photos]
     typical = median([error for error in errors if math.isfinite(error)] or [0.0])
+    beside = typical if len(errors) > 1 else 0.0
     lost = Counter(corner.image for corner in fit.dropped_corners)
     enough = min(_FEW_CORNERS_IN_PHOTO, median([photo.corners for photo in photos] or [0]))
     verdicts = []
-    for photo, error in zip(photos, errors, strict=True):
-        own, out = list[Finding](), lost[photo.image]
-        if len(errors) > 1 and error > _WORSE_PHOTO * typical > 0:
-            own += _report(Severity.BAD, Code.STANDS_OUT, times=error / typical)
-        elif error > most:
-            own += _report(Severity.BAD, Code.LARGE_ERRORS, "photo")
-        unknown = math.isnan(error) and photo.corners > 0
+    for photo in photos:
+        own, out = _judge_error(photo.rms_px, beside, most), lost[photo.image]
+        unknown = math.isnan(photo.rms_px) and photo.corners > 0
         own += _report(Severity.NOTE if unknown else None, Code.NO_ERROR)
         own += _report(Severity.CARE if out else None, Code.OUTLIERS, dropped=out)
         few = photo.corners < enough and fit.marked is None
         own += _report(Severity.CARE if few else None, Code.FEW_CORNERS, "photo")
         verdicts.append(Verdict(level=level_of(own), reasons=tuple(own)))
     return verdicts
+
+
+def _judge_error(error: float, typical: float, most: float) -> list[Finding]:
+    """Judge a photo's error beside those of the others, where there are any, and by itself."""
+    if error > _WORSE_PHOTO * typical > 0:
+        return _report(Severity.BAD, Code.STANDS_OUT, times=error / typical)
+    return _report(Severity.BAD if error > most else None, Code.LARGE_ERRORS, "photo")
 
 
 def _state_fit(fit: FitRecord) -> str:

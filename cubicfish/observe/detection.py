@@ -342,12 +342,7 @@ def _name_corners(
     names, used = [photos[index].name for index in usable], [found[index] for index in usable]
     target, told = _placed(names, used, target, size)
     corners, named, make_evidence = name(names, used, target, size)
-    reports = [
-        PhotoReport(name=photo.name, refusal=detected.refusal)
-        for photo, detected in zip(photos, found, strict=True)
-    ]
-    for number, (index, report) in enumerate(zip(usable, named, strict=True)):
-        reports[index] = report.with_corners(corners, number)
+    reports = _report_on_all(photos, found, dict(zip(usable, named, strict=True)), corners)
     lost = [report.loss for report in compress(reports, showing)]
     evidence = make_evidence(
         photos=len(photos),
@@ -369,6 +364,22 @@ def _name_corners(
         findings=tuple(findings),
         other_colours=evidence.other_colours,
     )
+
+
+def _report_on_all(
+    photos: Sequence[Photo],
+    found: Sequence[PhotoDetection],
+    named: Mapping[int, PhotoReport],
+    corners: Observations,
+) -> list[PhotoReport]:
+    """A report on each photo; on those that were ``named``, by index, with their corners."""
+    reports = [
+        PhotoReport(name=photo.name, refusal=detected.refusal)
+        for photo, detected in zip(photos, found, strict=True)
+    ]
+    for number, (index, report) in enumerate(named.items()):
+        reports[index] = report.with_corners(corners, number)
+    return reports
 
 
 def _placed(

@@ -251,8 +251,7 @@ def adjust(
         FitError: the start itself sees a point at infinity.
 
     """
-    world = DeformableTarget(nominal=pairs.world) if world is None else world
-    now = _begin(State(lens, poses, world), pairs, huber_px)
+    now = _begin(lens, poses, world, pairs, huber_px)
     near, iterations, reach = damping < COLD_DAMPING, 0, 1.0
     before = cost_before / max(now.cost, 1e-300) - 1
     pose_damping = np.zeros((len(poses), 1))
@@ -260,7 +259,7 @@ def adjust(
         step = now.normal.solve(damping, pose_damping)
         gain = now.normal.expected_decrease(step) / max(now.cost, 1e-300)
         # A step from far away, or a damped one, says too little about what is left to gain.
-        left = gain * gain / before if trust_last and gain < before else gain
+        left = _left_to_gain(gain, before) if trust_last else gain
         if near and left < relative_decrease and damping < COLD_DAMPING:
             if trust_last:
                 now = replace(now, **vars(now.moved(*step)))
@@ -283,19 +282,36 @@ def adjust(
                 break
         else:
             damping *= 10
-            if damping > 1e8 or gain < _ROUNDING or new.cost < (1 + least) * now.cost:
+            if damping > 1e8 or _is_bottom(now.cost, new.cost, gain, least):
                 break
     return replace(now, iterations=iterations)
 
 
-def _begin(state: State[L], pairs: Observations, huber_px: float) -> Adjustment[L]:
-    start = _evaluate(state, pairs, huber_px)
+def _begin(
+    lens: L,
+    poses: Poses,
+    world: DeformableTarget | None,
+    pairs: Observations,
+    huber_px: float,
+) -> Adjustment[L]:
+    world = DeformableTarget(nominal=pairs.world) if world is None else world
+    start = _evaluate(State(lens, poses, world), pairs, huber_px)
     if not np.isfinite(start.cost):
         raise FitError(
             "the start of the fit sees corners at infinity: check that the corners are named "
             "rightly and that the camera belongs to these photos"
         )
     return start
+
+
+def _left_to_gain(gain: float, before: float) -> float:
+    """The share that the step behind the next lowers the cost by, as steps have become smaller."""
+    return gain * gain / before if gain < before else gain
+
+
+def _is_bottom(now: float, new: float, gain: float, least: float) -> bool:
+    """Whether a step failed because there is nothing to gain: by its equations, or by its cost."""
+    return gain < _ROUNDING or new < (1 + least) * now
 
 
 def _find_reach(reach: float, gain: float, decrease: float) -> float:

@@ -1,23 +1,11 @@
-"""Process pool over photos, with results in order whatever the number of processes."""
+"""Work on many photos, with results in order whoever does it."""
 
-import multiprocessing
 import os
-import signal
-import sys
-import threading
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import resource_tracker
-from multiprocessing.process import BaseProcess
 from typing import Protocol, TypeVar
 
-import cv2
-
-from cubicfish.errors import ClusterError, CubicfishError, DetectionError
+from cubicfish.errors import ClusterError, CubicfishError
 from cubicfish.photos.photos import one_opencv_thread
 
 Item = TypeVar("Item")
@@ -59,12 +47,6 @@ Photo = TypeVar("Photo", bound=_Named)
 
 # Fewer photos than this are not worth starting other processes for.
 _ITEMS_FOR_POOL = 4
-# How a process ends that cannot even begin, as Python does where it raises.
-_CANNOT_BEGIN = 1
-# Signals that ask for the end of a run, where there are such.
-_REQUESTS = {
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
-}
 
 
 def workers_for(jobs: int | None, items: int) -> int:
@@ -108,6 +90,8 @@ class Work:
             if self.executor is not None:
                 found = self.executor.each(work, items)
             elif workers > 1:
+                from cubicfish.workers.processes import by_processes
+
                 found = enumerate(by_processes(work, items, workers))
             for number, answer in found:
                 if isinstance(answer, ClusterError):
@@ -117,75 +101,3 @@ class Work:
                 answers[number] = answer
                 self.progress(len(answers), len(items))
         return [answers[number] for number in range(len(items))]
-
-
-def by_processes(
-    work: Callable[[Photo], Answer], items: Sequence[Photo], workers: int
-) -> Iterator[Answer]:
-    """Yield the answers in order; leaving early waits for what is being worked on.
-
-    Raises:
-        DetectionError: a process was ended from outside, or could not load the caller's script.
-
-    """
-    if getattr(multiprocessing.current_process(), "_inheriting", False):
-        # A script that begins its work as it is loaded is loaded here again, and begins again:
-        # the process that it was begun in tells.
-        sys.exit(_CANNOT_BEGIN)
-    # A forked copy of a process whose OpenCV has threads may hang: processes are made anew.
-    others, processes = {*multiprocessing.active_children()}, set[BaseProcess]()
-    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin)
-    try:
-        with _hold_signals_back():
-            answers = deque(pool.submit(work, item) for item in items)
-        processes = {*multiprocessing.active_children()} - others
-        while answers:
-            yield answers.popleft().result()
-    except BrokenProcessPool as error:
-        pool.shutdown(cancel_futures=True)
-        # By a signal the code would be less than zero.
-        if any((process.exitcode or 0) > 0 for process in processes):
-            raise DetectionError(
-                "the processes that look for corners load your script again, and it does its work "
-                "as it is loaded: put the work below 'if __name__ == \"__main__\":', or pass jobs=1"
-            ) from error
-        raise DetectionError(
-            "a process that looked for corners was ended from outside, as happens when memory "
-            "runs out",
-            do="try again with {jobs}",
-            arguments={"jobs": "jobs=1"},
-        ) from error
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-@contextmanager
-def _hold_signals_back() -> Iterator[None]:
-    """Block signals while processes are started: cut off, or while they load, they complain."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    resource_tracker.ensure_running()  # starting it later would let them through again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _REQUESTS)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _begin() -> None:
-    """Begin a process that works on photos, one thread in each."""
-    # The parent alone answers Ctrl-C, and the workers together use one thread a processor.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _REQUESTS)
-    cv2.setNumThreads(1)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    """A parent that is killed cannot tell its workers to end: they would do what they do."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)

@@ -273,8 +273,8 @@ def _decode_packets(
             f"{shown(source)} is damaged after frame {count} ({problem.strerror}): "
             "copy it again or cut it with ffmpeg"
         ) from problem
-    # The last packet, which frames drawn upon it may follow, is a part of one.
-    if is_cut or (last is not None and last in damaged) or _ends_within_packet(source, container):
+    # Frames that are drawn upon the last packet may follow it.
+    if is_cut or last in damaged - {None} or _ends_within_packet(source, container):
         _refuse_cut(source, stream, count)
 
 

@@ -1,7 +1,7 @@
 """Small copies of the photos for the page, with the corners found in them."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
@@ -105,16 +105,21 @@ def all_pictures(facts: Facts, zoom: float) -> Pictures:
 
     with ThreadPoolExecutor(_THREADS) as threads:
         done = list(zip(chosen, threads.map(made, chosen), strict=True))
-    problems = [one for _, one in done if isinstance(one, str)]
-    if len(problems) > _MOST_PROBLEMS:
-        more = f"So are {len(problems) - _MOST_PROBLEMS} more photos."
-        problems = [*problems[:_MOST_PROBLEMS], more]
+    problems = _some_of([one for _, one in done if isinstance(one, str)])
     read = [(photo, one) for photo, one in done if not isinstance(one, str)]
     return Pictures(
         photos={photo.image: copies for photo, (copies, _) in read},
         example=next((shown for _, (_, shown) in read if shown is not None), None),
-        problems=tuple(problems),
+        problems=problems,
     )
+
+
+def _some_of(problems: Sequence[str]) -> tuple[str, ...]:
+    """The first of the photos' problems, and how many more there are."""
+    if len(problems) <= _MOST_PROBLEMS:
+        return (*problems,)
+    more = f"So are {len(problems) - _MOST_PROBLEMS} more photos."
+    return (*problems[:_MOST_PROBLEMS], more)
 
 
 def _read(facts: Facts, photo: PhotoRecord, least: int | None) -> npt.NDArray[Any]:

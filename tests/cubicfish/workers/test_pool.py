@@ -15,7 +15,8 @@ from samples import SAMPLE
 
 from cubicfish.errors import DetectionError, PhotoError
 from cubicfish.workers import pool
-from cubicfish.workers.pool import by_processes, workers_for
+from cubicfish.workers.pool import workers_for
+from cubicfish.workers.processes import by_processes
 
 
 @pytest.mark.slow
@@ -26,7 +27,10 @@ def test_workers_start_however_long_the_name_of_the_temporary_folder_is(
     """A socket's name is at most a hundred letters long, and a job's folder may be longer."""
     folder = tmp_path / ("x" * letters)
     folder.mkdir(exist_ok=True)
-    work = "from cubicfish.workers.pool import by_processes; print(*by_processes(abs, [-1, 2], 2))"
+    work = (
+        "from cubicfish.workers.processes import by_processes; "
+        "print(*by_processes(abs, [-1, 2], 2))"
+    )
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", work],
         env={**os.environ, "TMPDIR": str(folder)}, capture_output=True, text=True, check=False,
