@@ -218,7 +218,7 @@ def not_excluded(photos: Sequence[tuple[str, Path]], exclude: Sequence[Path]) ->
         meant = {at for at, photo in enumerate(photos) if _is_meant(pattern, *photo)}
         if not meant:
             near = did_you_mean(pattern.name, [name for name, _ in photos])
-            raise PhotoError(f"--exclude {quoted(str(pattern))} is none of the photos: {near}")
+            raise PhotoError(f"--exclude {quoted(str(pattern))} names none of the photos: {near}")
         kept = [at for at in kept if at not in meant]
     if not kept:
         raise PhotoError("--exclude leaves no photo")

@@ -126,9 +126,9 @@ class Views:
 
         """
         if size not in self._chosen:
+            self._chosen[size] = choose_view(self._camera.for_photos(size), self._wanted)
             if size != self.calibrated_size:
                 self.rescaled = {**self.rescaled, size: source}
-            self._chosen[size] = choose_view(self._camera.for_photos(size), self._wanted)
         return self._chosen[size]
 
     def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:

@@ -393,6 +393,15 @@ def test_rescaled_photos_show_the_same(run: Run, model: Path, tmp_path: Path) ->
     assert np.abs(picture(tmp_path / "half_flat.png") - whole).mean() < 1.2
 
 
+def test_a_photo_of_another_shape_is_not_said_to_be_a_reduced_one(
+    run: Run, model: Path, tmp_path: Path
+) -> None:
+    cv2.imwrite(str(tmp_path / "a.png"), picture(PHOTO)[:, :700])
+    said = run("undistort", tmp_path / "a.png", tmp_path / "b.png", "-m", model, code=1).stderr
+    assert "use photos of that size or of exactly that shape" in said
+    assert "taken as" not in said
+
+
 def test_sizes_that_are_not_the_cameras_own_are_said_once_each(
     run: Run, model: Path, tmp_path: Path
 ) -> None:
