@@ -57,7 +57,7 @@ class Evaluation(Brief):
     def verdict(self, fit: FitRecord) -> Verdict:
         """Judge the camera of a fit by how it does on these photos."""
         size = self.pairs.image_size
-        return evaluation_verdict(self.errors, self.uncertainty(fit), fit, size)
+        return evaluation_verdict(self.errors, self.uncertainty(fit), fit, size, self.photos)
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""

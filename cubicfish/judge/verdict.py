@@ -16,7 +16,7 @@ import numpy as np
 
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding, VerdictLevel, level_of
-from cubicfish.judge.fit_record import ErrorStatistics, FitRecord
+from cubicfish.judge.fit_record import ErrorStatistics, FitRecord, PhotoRecord
 from cubicfish.judge.uncertainty import CERTAIN_PX, TRUSTED_PX, FieldUncertainty, of_size
 from cubicfish.types import FloatArray
 
@@ -142,6 +142,7 @@ def evaluation_verdict(
     uncertainty: FieldUncertainty | None,
     fit: FitRecord,
     image_size: tuple[int, int],
+    photos: Sequence[PhotoRecord] = (),
 ) -> Verdict:
     """Judge how a camera does on photos that it was not fitted to.
 
@@ -150,6 +151,7 @@ def evaluation_verdict(
         uncertainty: uncertainty of the camera at their corners; None where it is not known.
         fit: the record of the camera's own fit.
         image_size: (width, height), pixels.
+        photos: the errors in each of these photos.
 
     """
     scale = of_size(image_size)
@@ -165,7 +167,9 @@ def evaluation_verdict(
         reasons = _report(level, Code.LARGE_ERRORS, "evaluation", error_px=rms)
     else:
         figures: dict[str, Any] = {"rms_px": rms, "before_px": before, "times": rms / before}
-        if errors.p95_px <= 3 * before:
+        if apart := _find_photos_apart(photos, before, scale):
+            reasons = apart
+        elif errors.p95_px <= 3 * before:
             p95 = errors.p95_px
             reasons = _report(Severity.CARE, Code.A_FEW_FAR_OFF, **figures, p95_px=p95)
         else:
@@ -176,6 +180,40 @@ def evaluation_verdict(
     reasons += _report(level, Code.UNCERTAIN, "evaluation", median_px=median_px)
     reasons.sort(key=_is_mild)
     return Verdict(level=level_of(reasons), figures=stated, reasons=tuple(reasons))
+
+
+def _find_photos_apart(photos: Sequence[PhotoRecord], before: float, scale: float) -> list[Finding]:
+    """Find that all photos but a few have errors as before: it is these that are not as they were.
+
+    Args:
+        photos: the errors in each photo.
+        before: RMS when the camera was calibrated, pixels.
+        scale: of the photos, see :func:`of_size`.
+
+    """
+    typical = median([photo.rms_px for photo in photos] or [0.0])
+    apart = [photo for photo in photos if photo.rms_px > _WORSE_PHOTO * typical]
+    others = [photo for photo in photos if photo.rms_px <= _WORSE_PHOTO * typical]
+    if not 0 < len(apart) < len(others):
+        return []
+    rest = _joint_rms(others)
+    if ratio_above(rest, before, _WORSE_THAN_BEFORE, scale) is not None:
+        return []
+    found = Finding(
+        code=Code.A_FEW_FAR_OFF,
+        case="photos",
+        severity=Severity.CARE,
+        images=tuple(photo.image for photo in apart),
+        figures={"rms_px": _joint_rms(apart), "rest_px": rest, "others": len(others)},
+    )
+    level = _rate(rest / scale, _ERROR_PX)
+    return [found, *_report(level, Code.LARGE_ERRORS, "evaluation", error_px=rest)]
+
+
+def _joint_rms(photos: Sequence[PhotoRecord]) -> float:
+    """RMS over the corners of several photos, pixels."""
+    square = sum(photo.corners * photo.rms_px**2 for photo in photos)
+    return math.sqrt(square / sum(photo.corners for photo in photos))
 
 
 def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[Verdict]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from cubicfish import listed
 from cubicfish.judge import Code
 from cubicfish.judge import FindingText as Said
 from cubicfish_cli.words.phrases import pick, plural, whole
@@ -202,6 +203,17 @@ def _a_few_far_off(p95_px: float, rms_px: float, before_px: float) -> Said:
         f"most corners are within {p95_px:.3f} px, and a few are far off (RMS {rms_px:.3f} px, "
         f"against {before_px:.3f} px when it was calibrated)",
         do="look at the photos with the largest errors",
+    )
+
+
+@WORDS.finding(Code.A_FEW_FAR_OFF, "photos")
+def _a_few_photos_far_off(images: Names, rms_px: float, rest_px: float, others: int) -> Said:
+    it, are = pick(images, "it", "they"), pick(images, "is", "are")
+    return Said(
+        f"{listed(images, 'photos')} {are} off by {rms_px:.3f} px, and the other {others} photos "
+        f"by {rest_px:.3f} px",
+        do=f"see whether {it} {are} mirrored, turned, cropped or of another camera; --exclude "
+        f"leaves {pick(images, 'it', 'them')} out",
     )
 
 

@@ -14,7 +14,7 @@ import cubicfish.judge.verdict as judging
 from cubicfish.fit.calibration import Calibration
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
-from cubicfish.judge.fit_record import ErrorStatistics, FitRecord
+from cubicfish.judge.fit_record import ErrorStatistics, FitRecord, PhotoRecord
 from cubicfish.judge.uncertainty import FieldUncertainty
 from cubicfish.judge.verdict import Verdict, evaluation_verdict, photo_verdicts, verdict
 from cubicfish.types import FloatArray
@@ -230,6 +230,31 @@ def test_other_photos_are_judged_beside_the_fit(
         ErrorStatistics(rms_px=rms, p95_px=p95), None, FitRecord.of(fit), (960, 720)
     )
     assert judged.level == level
+
+
+def judged_on(*rms: float) -> Verdict:
+    """What is said of photos of 54 corners with such errors, beside 0.04 px before."""
+    photos = [PhotoRecord(image=f"{at}.png", rms_px=one, corners=54) for at, one in enumerate(rms)]
+    errors = ErrorStatistics(rms_px=float(np.sqrt(np.mean(np.square(rms)))), p95_px=max(rms))
+    return evaluation_verdict(errors, None, FitRecord(held_out_rms_px=0.04), (960, 720), photos)
+
+
+@pytest.mark.parametrize("apart", [1, 2, 5])
+def test_photos_that_are_apart_are_named_and_not_the_camera(apart: int) -> None:
+    (reason,) = judged_on(*[0.9] * apart, *[0.04] * 10).reasons
+    assert (reason.code, reason.case) == (Code.A_FEW_FAR_OFF, "photos")
+    assert reason.severity is Severity.CARE
+    assert reason.images == tuple(f"{at}.png" for at in range(apart))
+    expected = {"rms_px": 0.9, "rest_px": 0.04, "others": 10}
+    assert reason.figures == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    "rms", [(0.9, 0.9, 0.04, 0.04), (0.9, *[0.25] * 10), tuple(0.3 + 0.1 * at for at in range(9))]
+)
+def test_a_camera_that_is_off_in_many_photos_is_worse_than_before(rms: tuple[float, ...]) -> None:
+    (reason,) = judged_on(*rms).reasons
+    assert reason.code == Code.WORSE_THAN_BEFORE
 
 
 @pytest.mark.parametrize(("sigma", "level"), [(0.4, "good"), (0.6, "care"), (9.6, "bad")])
