@@ -76,7 +76,6 @@ _BEYOND_MARKED = 2.0
 _WHOLE_RIM = 0.9
 _UNKNOWN = "no figures are known"
 _WORSE_PHOTO = 3.0
-# A photo has few corners below this, unless most have as few: then it is the board that does.
 _FEW_CORNERS_IN_PHOTO = 20
 
 
@@ -224,7 +223,7 @@ def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[Verdict]
     typical = median([error for error in errors if math.isfinite(error)] or [0.0])
     beside = typical if len(errors) > 1 else 0.0
     lost = Counter(corner.image for corner in fit.dropped_corners)
-    enough = min(_FEW_CORNERS_IN_PHOTO, median([photo.corners for photo in photos] or [0]))
+    enough = enough_corners([photo.corners for photo in photos])
     verdicts = []
     for photo in photos:
         own, out = _judge_error(photo.rms_px, beside, most), lost[photo.image]
@@ -235,6 +234,14 @@ def photo_verdicts(fit: FitRecord, image_size: tuple[int, int]) -> list[Verdict]
         own += _report(Severity.CARE if few else None, Code.FEW_CORNERS, "photo")
         verdicts.append(Verdict(level=level_of(own), reasons=tuple(own)))
     return verdicts
+
+
+def enough_corners(counts: Sequence[int]) -> float:
+    """Return how many corners are not few for one of these photos, by how many each shows.
+
+    Where most show as few, it is the board that has no more.
+    """
+    return min(_FEW_CORNERS_IN_PHOTO, median(counts or [0]))
 
 
 def _judge_error(error: float, typical: float, most: float) -> list[Finding]:

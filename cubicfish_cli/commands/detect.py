@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from statistics import median
 from typing import TYPE_CHECKING, Any
 
 from cubicfish import Run
@@ -22,9 +21,6 @@ from cubicfish_cli.words.sentences import record_of, render
 
 if TYPE_CHECKING:
     from cubicfish import Detection, Target
-
-# A photo has few corners below this, unless most have as few: then it is the board that does.
-_FEW_CORNERS = 20
 
 
 @record
@@ -170,9 +166,7 @@ def command(made: DetectedFiles, given: DetectOptions, how: How) -> None:
 
 
 def _list_rows(detection: Detection) -> list[figures.PhotoRow]:
-    by_board = figures.corners_by_board(detection.corners)
-    found = [photo.corners for photo in detection.photos if not photo.lost]
-    enough = min(_FEW_CORNERS, median(found or [0]))
+    by_board, enough = figures.corners_by_board(detection.corners), detection.enough_corners
     rows = []
     for photo in detection.photos:
         remarks = []

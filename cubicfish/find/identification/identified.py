@@ -17,6 +17,7 @@ import numpy as np
 from cubicfish.find.detection.grids import FoundGrids, Grid
 from cubicfish.judge.codes import Code, Severity
 from cubicfish.judge.finding import Finding
+from cubicfish.judge.verdict import enough_corners
 from cubicfish.target.observations import Observations
 from cubicfish.target.target import Target
 from cubicfish.types import BoolArray
@@ -253,6 +254,11 @@ class Detection(Brief):
     photos: tuple[PhotoReport, ...]
     findings: tuple[Finding, ...] = ()
     other_colours: bool = False
+
+    @property
+    def enough_corners(self) -> float:
+        """How many corners are not few for one of these photos."""
+        return enough_corners([photo.corners for photo in self.photos if not photo.lost])
 
 
 def nameless(
